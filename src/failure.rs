@@ -79,6 +79,14 @@ impl Form {
         let mut arguments = arguments.iter().skip(1).take_while(|argument| *argument != "--");
         if arguments.any(|argument| argument == "--json") { Self::Json } else { Self::Words }
     }
+
+    /// A failure (exit code 1) in one line.
+    pub(crate) fn line(self, message: &str) -> String {
+        match self {
+            Self::Words => format!("beadline: {message}"),
+            Self::Json => line(message, &[], 1),
+        }
+    }
 }
 
 /// Tells a failure and gives the exit code.

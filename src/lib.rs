@@ -79,7 +79,7 @@ pub fn main_with(offers: &[&'static own::Offer]) -> ExitCode {
 /// process; without it, it is the running program.
 pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
-    limits::prepare(form);
+    limits::prepare(|message| form.line(message));
     bus::while_waiting(signals::while_waiting);
     bench::child::set_program(program);
     let asked = args::command().try_get_matches_from(arguments).and_then(|matches| Asked::of(&matches));

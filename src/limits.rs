@@ -1,6 +1,5 @@
 //! What the system grants this process, and the messages when that is not enough.
 
-use crate::failure::{self, Form};
 use anyhow::Error;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use schemas::amounts::bytes;
@@ -47,8 +46,8 @@ pub(crate) fn stdout_was_closed() -> bool {
     STDOUT_WAS_CLOSED.load(Ordering::Relaxed)
 }
 
-/// Raises the limit of open files, and makes running out of memory end in a sentence.
-pub(crate) fn prepare(form: Form) {
+/// Raises the limit of open files, and makes running out of memory end in a sentence, which `told` makes a line of.
+pub(crate) fn prepare(told: impl FnOnce(&str) -> String) {
     let files = getrlimit(Resource::Nofile);
     let wanted = files.maximum.map_or(MOST_FILES, |maximum| maximum.min(MOST_FILES));
     if files.current.is_some_and(|files| files < wanted) {
@@ -56,11 +55,7 @@ pub(crate) fn prepare(form: Form) {
         let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..files });
     }
     let Some(limit) = getrlimit(Resource::As).current else { return };
-    let text = no_memory(limit);
-    let line = match form {
-        Form::Words => format!("beadline: {text}\n"),
-        Form::Json => failure::line(&text, &[], 1) + "\n",
-    };
+    let line = told(&no_memory(limit)) + "\n";
     let end = move || {
         // whoever does not listen is not told
         let _ = rustix::io::write(rustix::stdio::stderr(), line.as_bytes());

@@ -122,9 +122,9 @@ impl Sending {
     pub(crate) fn finish(self, finished: &mut [Finished], stop: &AtomicBool) -> Uploaded {
         let Self { sender, spool } = self;
         let all_bytes = finished.iter().map(|file| file.bytes).sum();
-        sender.end(finished.len() as u64);
-        // the signal that ended a run does not end this, too
+        // the signal that ended a run does not end this, too; one that comes after the last part is sent does
         let was_stopped = stop.load(Ordering::Relaxed);
+        sender.end(finished.len() as u64);
         let outcome = wait(sender, all_bytes, || !was_stopped && stop.load(Ordering::Relaxed));
         for (file, sent) in finished.iter_mut().zip(&outcome.sent) {
             sent.url.clone_into(&mut file.path);

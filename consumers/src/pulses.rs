@@ -33,13 +33,24 @@ mod texture;
 mod track;
 mod tracker;
 
-pub use control::Unfollowed;
-pub use found::{Counts, Happening, UnderWay};
+pub use found::{Counts, Happening, UnderWay, Unfollowed};
 pub use obstacles::Obstacles;
 pub use probes::{Passage, Probes};
 pub use strongest::{Path, Strongest};
 pub use track::{Measured, Point, Shape};
 pub use tracker::Pulses;
+
+/// Bead numbers are at most 2e7.
+fn signed(bead: u64) -> i64 {
+    i64::try_from(bead).unwrap_or(i64::MAX)
+}
+
+/// Beads, rounded.
+fn nearest(beads: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let nearest = beads.round() as i64;
+    nearest
+}
 
 /// Direction of a pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -37,7 +37,7 @@ impl Bump {
 }
 
 #[derive(Default)]
-struct Found {
+struct Seen {
     pulses: Vec<Pulse>,
     points: Vec<Point>,
     unfollowed: Vec<Unfollowed>,
@@ -46,11 +46,11 @@ struct Found {
 
 /// Shows the sum of `bumps` in the frames `steps`, each 10 µs apart; an empty step is a gap. The contacts are
 /// pressed or, with `loose`, open.
-fn look(bumps: &[Bump], steps: impl IntoIterator<Item = Option<u32>>, loose: bool) -> Found {
+fn look(bumps: &[Bump], steps: impl IntoIterator<Item = Option<u32>>, loose: bool) -> Seen {
     let mut analysis = Pulses::new(&manifest(), THRESHOLD_M_S);
     let slope_m = if loose { 1e-6 } else { -1e-6 };
     let u_m: Vec<f64> = (0..BEADS).map(|bead| slope_m * f64::from(bead)).collect();
-    let mut found = Found::default();
+    let mut found = Seen::default();
     let mut take = |happenings: &[Happening]| {
         for happening in happenings {
             match happening {

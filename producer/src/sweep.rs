@@ -166,6 +166,7 @@ impl Sweep {
         hooks: Hooks,
     ) -> Result<Self, SweepError> {
         let mut definition = Definition::read(text, path, read)?;
+        keys::check(path, &definition)?;
         definition.name_measures(path, hooks.measure)?;
         let mut sweep = Self {
             text: text.to_owned(),

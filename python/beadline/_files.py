@@ -134,10 +134,8 @@ def thin(
     Raises:
         FileExistsError: If there is such a file.
     """
-    from ._recording import mcap, open
-
     _make(rec, "thin", mcap(path), force, {"every-steps": count("every", every), "jobs": jobs})
-    return open(path)
+    return rec._opened(path)
 
 
 def recover(
@@ -156,10 +154,8 @@ def recover(
     Raises:
         FileExistsError: If there is such a file.
     """
-    from ._recording import mcap, open
-
     summary = _make(rec, "recover", mcap(path), force, {"no-fill": not fill, "jobs": jobs})
-    recovered = open(path)
+    recovered = rec._opened(path)
     recovered.summary = summary
     return recovered
 
@@ -176,6 +172,14 @@ def check(rec: Recording, *, tolerance: float | None = None) -> Table:
         flags = [] if tolerance is None else [f"--tolerance={tolerance}"]
         summary = run_command(["check", file, *flags, f"--out={out}"], path=file)
         return read_csv(out, summary)
+
+
+def mcap(path: str | os.PathLike[str]) -> Path:
+    """The path of a recording that is to be made."""
+    path = Path(path)
+    if path.suffix != ".mcap":
+        raise ValueError(f"{path}: a recording is written as .mcap")
+    return path
 
 
 def _make(

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -58,14 +57,6 @@ def open(path: str | os.PathLike[str]) -> Recording:
 
 def _is_url(path: str) -> bool:
     return re.match(r"(s3|gs|az|https?)://", path) is not None
-
-
-def mcap(path: str | os.PathLike[str]) -> Path:
-    """The path of a recording that is to be made."""
-    path = Path(path)
-    if path.suffix != ".mcap":
-        raise ValueError(f"{path}: a recording is written as .mcap")
-    return path
 
 
 def _read_only(array: Array) -> Array:
@@ -444,8 +435,11 @@ class Recording(Analyses):
         Raises:
             FileExistsError: If there is such a file.
         """
-        self._states.save(mcap(path), force)
+        self._states.save(_files.mcap(path), force)
         return open(path)
+
+    # recordings that are made of this one
+    _opened = staticmethod(open)
 
     # the first argument of these is the recording
     verify = _files.verify

@@ -251,7 +251,8 @@ class Run:
             RunError: If the values are no longer finite.
             LiveError: If it cannot be published.
         """
-        from ._recording import mcap, open
+        from ._files import mcap
+        from ._recording import open
 
         wait_for = count("wait_for", wait_for, 0)
         if wait_for and not publish:

@@ -6,7 +6,7 @@ mod shared;
 use crate::errors::Why;
 use crate::fields::field_of;
 use crate::patience::{LOOK, stoppable};
-use crate::run::{StateTuple, set_writeable, state_of};
+use crate::run::set_writeable;
 use bus::{AttachOptions, BORROWED, Bus, Delivery, LiveSource, RunInfo, list_runs};
 use numpy::ndarray::ArrayView1;
 use numpy::npyffi::NPY_ARRAY_WRITEABLE;

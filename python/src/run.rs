@@ -1,6 +1,6 @@
 //! Runs: recorded, kept in memory, or made step by step.
 
-use crate::arrays;
+use crate::arrays::{self, StateTuple, state_of};
 use crate::errors::Why;
 use crate::manifest::Manifest;
 use crate::patience::{Looks, detached, stoppable};
@@ -79,16 +79,6 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
         // a publisher that a consumer holds back gives up then
         self.is_stopped()
     }
-}
-
-type Array<'py> = Bound<'py, PyArray1<f64>>;
-
-/// Frame, step, time (s), and copies of displacements, velocities and what else there is.
-pub(crate) type StateTuple<'py> = (u64, u64, f64, Array<'py>, Array<'py>, Array<'py>);
-
-pub(crate) fn state_of<'py>(py: Python<'py>, frame: &Frame<'_>) -> PyResult<StateTuple<'py>> {
-    let [u, v, extra] = [frame.u_m, frame.v_m_s, frame.extra].map(|part| arrays::of(py, part));
-    Ok((frame.frame, frame.step, frame.time_s, u?, v?, extra?))
 }
 
 /// Where frames go that somebody may listen to.

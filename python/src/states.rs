@@ -2,12 +2,11 @@
 
 mod reader;
 
-use crate::arrays;
+use crate::arrays::{self, StateTuple, state_of};
 use crate::errors::Why;
 use crate::fields::{Field, Places, Wanted};
 use crate::manifest::Manifest;
 use crate::patience::{abandonable, detached, interruptible};
-use crate::run::{StateTuple, state_of};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray1, PyReadonlyArray2};
 use producer::resimulation::{Lend, OtherKernel, Resimulation, check_kernel};

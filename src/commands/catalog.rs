@@ -16,7 +16,7 @@ use schemas::config::StrikerConfig;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::atomic::Ordering;
-use storage::{Entry, Listing, Skipped, list};
+use storage::{Listed, Listing, Skipped, list};
 
 /// Rows that wait in memory for the ones before them.
 const WINDOW: usize = 1024;
@@ -137,7 +137,7 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
 }
 
 /// Adds the cells of a row; whether nothing is wrong.
-fn add_row(table: &mut Table, entry: &Entry, info: &Result<RecordingInfo, String>) -> bool {
+fn add_row(table: &mut Table, entry: &Listed, info: &Result<RecordingInfo, String>) -> bool {
     table.word(&entry.path.to_string_lossy()).integer(entry.bytes);
     let error = match info {
         Ok(info) => {

@@ -84,7 +84,7 @@ pub(crate) struct Shard {
 /// When it holds no sweep, or cannot be read.
 pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     let points = point_count(directory)?;
-    let mut rows = Rows::read(directory, points)?;
+    let mut rows = Counted::read(directory, points)?;
     let count = shard_count(directory, &rows).min(points.max(1));
     let mut done = vec![0_u64; usize::try_from(count)?];
     for index in (0..points).filter(|index| rows.points.has(*index)) {
@@ -148,7 +148,7 @@ fn point_count(directory: &Path) -> Result<u64, Failure> {
 }
 
 /// Number of shards of the sweep: from its job array, else from its newest journal.
-fn shard_count(directory: &Path, rows: &Rows) -> u64 {
+fn shard_count(directory: &Path, rows: &Counted) -> u64 {
     let script = text_of(&directory.join(SLURM).join(SCRIPT));
     let array = script.lines().find_map(|line| line.strip_prefix("#SBATCH --array=0-"));
     let last = array.map(|array| array.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default());
@@ -164,7 +164,7 @@ fn text_of(path: &Path) -> String {
 }
 
 /// The points that have a row, and the journals that say so.
-struct Rows {
+struct Counted {
     points: Points,
     journals: HashMap<(u64, u64), JournalFile>,
     damaged: u64,
@@ -181,7 +181,7 @@ struct JournalFile {
     written: SystemTime,
 }
 
-impl Rows {
+impl Counted {
     fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
         let points = Points::none_of(points);
         let (journals, unreadable) = (HashMap::new(), Vec::new());
@@ -268,7 +268,7 @@ impl Shard {
         (number, count): (u64, u64),
         points: u64,
         done: u64,
-        rows: &Rows,
+        rows: &Counted,
         queue: &Queue,
     ) -> Self {
         let now = SystemTime::now();

@@ -1,6 +1,6 @@
 //! Ctrl-C ends every command that takes long: soon, with exit code 3, and without a file that looks whole.
 
-use crate::harness::{Place, Running, wait_until};
+use crate::harness::{Place, Running, SILENCE, wait_until};
 use crate::lying;
 use recording::BeginRecord;
 use schemas::frame::EndReason;
@@ -111,8 +111,6 @@ const OTHERS: [&str; 12] = [
 
 /// Most time of processors that a command may take from the signal to its end (s), on a machine that does nothing else half of it.
 const MOST_CPU_S: f64 = 1.0;
-/// The same of the clock: only what waits for something else meets it.
-const MOST_S: f64 = 10.0;
 
 /// Waits until the process has a handler of SIGINT: before, the signal ends it like any program.
 pub(crate) fn wait_for_handler(running: &Running) {
@@ -128,7 +126,7 @@ pub(crate) fn wait_for_handler(running: &Running) {
 }
 
 /// The state of a process, and how long it has computed (s).
-fn state_of(process: u32) -> Option<(char, f64)> {
+pub(crate) fn state_of(process: u32) -> Option<(char, f64)> {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     let fields: Vec<&str> = stat.rsplit(')').next()?.split_ascii_whitespace().collect();
     let ticks = |at: usize| fields[at].parse::<f64>().ok();
@@ -183,7 +181,7 @@ fn stopped(place: &Place, words: &str, at: At, files: &[&str]) -> Result<String,
         (Some(0), None) => at == Bare && !is_there,
         _ => false,
     };
-    let is_soon = cpu_s <= MOST_CPU_S && wall_s <= MOST_S;
+    let is_soon = cpu_s <= MOST_CPU_S && wall_s < SILENCE.as_secs_f64();
     if is_right && is_soon && left.is_empty() {
         Ok(told)
     } else {

@@ -13,6 +13,10 @@ use std::time::{Duration, Instant};
 /// Nothing here takes this long unless it hangs.
 const WATCHDOG: Duration = Duration::from_mins(2);
 
+/// Nothing that is asked to answer or to end takes this long, even on a busy machine, unless it waits for somebody who is silent:
+/// such waits are of 10 s and more.
+pub(crate) const SILENCE: Duration = Duration::from_secs(8);
+
 /// A directory for files and a bus that no other test sees.
 pub(crate) struct Place {
     dir: tempfile::TempDir,

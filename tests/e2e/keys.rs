@@ -56,7 +56,7 @@ const BY_HAND: &str = "replay small.mcap --rate 1e-12 --wait-for 0 --json";
 fn has_python() -> bool {
     let found = std::process::Command::new("python3").arg("--version").output().is_ok();
     if !found {
-        skip("python3 is needed to have a terminal");
+        skip("no python3 here, which gives a command a terminal: install it");
     }
     found
 }

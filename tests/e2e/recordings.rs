@@ -251,7 +251,9 @@ fn a_full_disk_leaves_a_readable_part() {
 pub(crate) fn in_a_namespace(place: &Place, script: &str) -> Option<crate::harness::Ended> {
     let allowed = Command::new("unshare").args(["-rm", "true"]).output();
     if !allowed.is_ok_and(|output| output.status.success()) {
-        skip("`unshare -rm` is not allowed here: a full disk or a full /dev/shm cannot be made");
+        skip(
+            "`unshare -rm` is not allowed here (root may, and user namespaces allow it): no disk can be full",
+        );
         return None;
     }
     Some(Running::start(script, place.foreign("unshare", ["-rm", "sh", "-c", script])).wait())

@@ -10,9 +10,9 @@ use std::convert::Infallible;
 /// Ten times what `tests/reference` is good to; the parabola through three frames is to 1e-6.
 const TOLERANCE: f64 = 1e-4;
 
-struct Look(Probes);
+struct TwoBeads(Probes);
 
-impl FrameObserver for Look {
+impl FrameObserver for TwoBeads {
     type Error = Infallible;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
@@ -31,7 +31,7 @@ pub(crate) fn rows(file: &str) -> Vec<Vec<String>> {
 /// Asserts the pulses that pass beads 300 and 700 before the run of 80 ms ends.
 fn check_pulses(place: &Place, recording: &str, file: &str, expected_count: usize) {
     let mut source = RecordingSource::open(&place.path(recording)).unwrap();
-    let mut look = Look(Probes::new(source.manifest(), &[300, 700]));
+    let mut look = TwoBeads(Probes::new(source.manifest(), &[300, 700]));
     follow(&mut source, &mut look, &mut Tally::default(), |_| {}).unwrap();
     let passages = look.0.passages();
     let mut checked = 0;

@@ -7,7 +7,6 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread;
 use std::time::Duration;
 
 /// Some 20 MB of recording, in a second or more.
@@ -187,13 +186,17 @@ fn a_network_that_goes_away_costs_nothing() {
 #[test]
 fn sending_the_rest_can_be_left_for_later() {
     let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
-    let slow = Duration::from_secs(4);
-    bucket.behave(move |request| if request.is_part() { Act::Delay(slow) } else { Act::Pass });
+    // the last part is smaller; it is sent when the run has ended
+    let has_ended = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&has_ended);
+    bucket.behave(move |request| {
+        let is_last = request.is_part() && request.sent_bytes < PART_BYTES;
+        seen.fetch_or(is_last, Ordering::Relaxed);
+        if is_last { Act::Delay(Duration::from_secs(100)) } else { Act::Pass }
+    });
     let (url, file) = (bucket.url("run.mcap"), spooled(&place, &bucket, "run.mcap"));
     let run = bucket.start(&place, &format!("{CHAIN} --out {url}"));
-    wait_until("the whole recording", || file.exists().then_some(()));
-    // a signal that comes while the file gets its name is one that ends the run
-    thread::sleep(Duration::from_millis(500));
+    wait_until("the last part", || has_ended.load(Ordering::Relaxed).then_some(()));
     run.signal("INT");
     run.wait().exits(3).says(&["beadline upload spool/s3/"]);
     assert!(bucket.get("run.mcap").is_none());

@@ -4,40 +4,21 @@
 //! its largest rise of speed since a pulse passed it last. Beads in a row whose rises no pulse explains, one after the
 //! other in time, are a disturbance that was not followed.
 
-use super::Direction;
+use super::found::{MATTERS, SHORTEST, Unfollowed};
 use super::front::Front;
-use super::surroundings::{Surroundings, signed};
+use super::surroundings::Surroundings;
 use super::track::{Point, Track};
+use super::{Direction, signed};
 use schemas::frame::Frame;
-use serde::Serialize;
 
 /// Steps between the frames that are looked at: there are five or more while a pulse passes.
 const EVERY_STEPS: u64 = 8;
 
-/// A rise matters that is this part of the largest speed of its bead.
-pub(super) const MATTERS: f64 = 0.1;
-
-/// The same where beads are not alike: behind every pulse comes a train of waves that are none.
+/// A rise matters that is this part of the largest speed where beads are not alike: behind every pulse comes a train of waves that are none.
 const MATTERS_UNEVEN: f64 = 0.5;
 
 /// And this many times the threshold: weaker ones may fall below it on their way.
 const ABOVE_THRESHOLD: f64 = 2.0;
-
-/// Beads in a row that a disturbance has passed: twice as many as the shortest track.
-pub(super) const SHORTEST: usize = 10;
-
-/// Something that passed along the chain, and that no pulse follows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Unfollowed {
-    /// The beads that it passed, in the order in which it did.
-    pub beads: [u64; 2],
-    /// When it passed the first and the last of them (s).
-    pub times_s: [f64; 2],
-    /// The largest velocity of those beads then (m/s).
-    pub v_peak_m_s: f64,
-    /// It was the first that those beads saw: the leading pulse is missing.
-    pub leads: bool,
-}
 
 /// Remembers the rises that no pulse explains.
 #[derive(Debug, Clone)]

@@ -1,6 +1,13 @@
 //! Output of the tracker.
 
 use super::{Point, Pulse};
+use serde::Serialize;
+
+/// A rise matters that is this part of the largest speed of its bead.
+pub(super) const MATTERS: f64 = 0.1;
+
+/// Beads in a row that a disturbance has passed: twice as many as the shortest track.
+pub(super) const SHORTEST: usize = 10;
 
 /// Something that the tracker found in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +31,19 @@ pub struct UnderWay {
     pub velocity_beads_per_s: f64,
     /// Its full width at half maximum (beads), if it is known.
     pub fwhm_beads: Option<f64>,
+}
+
+/// Something that passed along the chain, and that no pulse follows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Unfollowed {
+    /// The beads that it passed, in the order in which it did.
+    pub beads: [u64; 2],
+    /// When it passed the first and the last of them (s).
+    pub times_s: [f64; 2],
+    /// The largest velocity of those beads then (m/s).
+    pub v_peak_m_s: f64,
+    /// It was the first that those beads saw: the leading pulse is missing.
+    pub leads: bool,
 }
 
 /// Counts of pulses and crests.

@@ -3,10 +3,10 @@
 //! Beads that move for the first time, one after the other, are the front, independent of the tracker. A leading pulse
 //! runs close behind the front. If there is none for many beads, the tracker has not followed the leading pulse.
 
-use super::Direction;
-use super::control::{MATTERS, SHORTEST, Unfollowed};
-use super::surroundings::{Surroundings, nearest, signed};
+use super::found::{MATTERS, SHORTEST, Unfollowed};
+use super::surroundings::Surroundings;
 use super::track::Track;
+use super::{Direction, nearest, signed};
 use schemas::frame::Frame;
 
 /// Crests lower than this part of the largest velocity near the front are not of the pulse that leads it.

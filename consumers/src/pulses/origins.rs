@@ -1,7 +1,6 @@
 //! Origins and ends of pulses: strikers, drives, walls, free ends, the seam of a ring.
 
-use super::surroundings::signed;
-use super::{Birth, Fate};
+use super::{Birth, Fate, signed};
 use schemas::config::End;
 use schemas::drive::{Place, Side};
 use schemas::manifest::Physics;

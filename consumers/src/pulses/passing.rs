@@ -1,7 +1,7 @@
 //! Time that a pulse takes to pass a bead, which bounds the interval between frames.
 
 use super::Obstacles;
-use super::surroundings::signed;
+use super::signed;
 use crate::theory::{SolitaryWave, Strength};
 use schemas::chain::Chain;
 use schemas::manifest::Physics;

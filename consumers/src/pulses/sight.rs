@@ -2,7 +2,8 @@
 //! it.
 
 use super::crest::{Crest, History};
-use super::surroundings::{Surroundings, signed};
+use super::signed;
+use super::surroundings::Surroundings;
 use schemas::frame::Frame;
 use std::ops::Range;
 

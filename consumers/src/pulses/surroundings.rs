@@ -1,10 +1,10 @@
 //! The chain that pulses travel in, and its effect on them.
 
-use super::Obstacles;
 use super::crest::History;
 use super::origins::Origins;
 use super::texture::Texture;
 use super::track::{Measured, REACH, Track};
+use super::{Obstacles, nearest, signed};
 use crate::theory::{Coefficients, SolitaryWave, Strength};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
@@ -175,16 +175,4 @@ impl Reach {
             coast: 4 + nearest(3.0 * width),
         }
     }
-}
-
-/// Bead numbers are at most 2e7.
-pub(super) fn signed(bead: u64) -> i64 {
-    i64::try_from(bead).unwrap_or(i64::MAX)
-}
-
-/// Beads, rounded.
-pub(super) fn nearest(beads: f64) -> i64 {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let nearest = beads.round() as i64;
-    nearest
 }

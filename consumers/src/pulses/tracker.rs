@@ -1,15 +1,15 @@
 //! Crests become tracks, tracks become pulses.
 
-use super::control::{Control, Unfollowed};
+use super::control::Control;
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
-use super::found::{Counts, Happening, UnderWay};
+use super::found::{Counts, Happening, UnderWay, Unfollowed};
 use super::lead::Lead;
 use super::passing;
 use super::sight::Sight;
-use super::surroundings::{Surroundings, nearest, signed};
+use super::surroundings::Surroundings;
 use super::track::{Passed, REACH, Shape, Track};
-use super::{Birth, Fate, Pulse};
+use super::{Birth, Fate, Pulse, nearest, signed};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use std::ops::Range;

@@ -8,7 +8,6 @@ pub(super) use sample::Samples;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
-use super::keys;
 use super::values::Range;
 use super::{index_of, measure_key};
 use schemas::config::{ConfigError, line_at};
@@ -167,7 +166,6 @@ impl Definition {
         axes.extend(reader.seeds(document.get("seeds"))?);
         let samples = reader.samples(document.get("sample"))?;
         let cases = document.get("case").map_or(Ok(vec![Vec::new()]), |cases| reader.cases(cases))?;
-        keys::check(path, &cases, &samples.at(0), &axes)?;
         let (measure, measure_lines) = reader.measure(document.get("measure"))?.into_iter().unzip();
         Ok(Self {
             base,

@@ -1,22 +1,18 @@
 //! Which keys a sweep may set.
 
 use super::SweepError;
-use super::definition::{Axis, Setting};
+use super::definition::{Definition, Setting};
 use schemas::config::ConfigError;
 use std::path::Path;
 
 /// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each
 /// other: the later would replace the value of the earlier, which the row would name all the same.
 /// Of all samples, which set the same keys, one is enough.
-pub(super) fn check(
-    path: &Path,
-    cases: &[Vec<Setting>],
-    sample: &[Setting],
-    axes: &[Axis],
-) -> Result<(), SweepError> {
-    let grid: Vec<_> = axes.iter().map(|axis| axis.at(0)).collect();
+pub(super) fn check(path: &Path, definition: &Definition) -> Result<(), SweepError> {
+    let Definition { cases, samples, axes, .. } = definition;
+    let one_of_each: Vec<_> = samples.at(0).into_iter().chain(axes.iter().map(|axis| axis.at(0))).collect();
     for case in cases {
-        let all: Vec<_> = case.iter().chain(sample).chain(&grid).collect();
+        let all: Vec<_> = case.iter().chain(&one_of_each).collect();
         for (i, setting) in all.iter().enumerate() {
             let earlier = all[..i].iter().find(|other| other.key.overlaps(&setting.key));
             if let Some(message) = mistake(setting, earlier.copied()) {

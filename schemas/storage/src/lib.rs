@@ -22,13 +22,14 @@ mod stop;
 
 pub use error::StorageError;
 pub use file::{open_file, read_file};
-pub use list::{Entry, Listing, Skipped, list};
+pub use list::{Listed, Listing, Skipped};
 pub use reader::Reader;
 pub use remote::{Upload, forget};
 pub use secrets::masked;
 pub use sender::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent};
 pub use stop::stop_when;
 
+use std::io;
 use std::path::Path;
 
 /// Schemes of URLs.
@@ -38,4 +39,20 @@ const SCHEMES: [&str; 5] = ["s3", "gs", "az", "http", "https"];
 pub fn is_url(path: &Path) -> bool {
     let scheme = path.to_str().and_then(|text| text.split_once("://")).map(|(scheme, _)| scheme);
     scheme.is_some_and(|scheme| SCHEMES.contains(&scheme))
+}
+
+/// The files under the directory `root`, or the objects under the URL `root`, whose path is `wanted`. Symbolic links to directories
+/// are not followed.
+///
+/// # Errors
+/// When a directory cannot be read, when the store refuses, or lists more than can be held.
+pub fn list(root: &Path, wanted: impl Fn(&Path) -> bool) -> io::Result<Listing> {
+    let mut listing = Listing::default();
+    if is_url(root) {
+        remote::list(root, &wanted, &mut listing)?;
+    } else {
+        list::walk(root, &wanted, &mut listing)?;
+    }
+    listing.entries.sort_by(|one, other| one.path.cmp(&other.path));
+    Ok(listing)
 }

@@ -1,14 +1,13 @@
 //! Files under a directory, objects under a URL.
 
 use crate::file::not_a_file;
-use crate::{is_url, remote};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// A file or an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Entry {
+pub struct Listed {
     /// Its path or URL.
     pub path: PathBuf,
     /// Its size in bytes.
@@ -28,7 +27,7 @@ pub struct Skipped {
 #[derive(Debug, Default)]
 pub struct Listing {
     /// In the order of their names.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<Listed>,
     /// The first paths that cannot be read.
     pub skipped: Vec<Skipped>,
     /// The number of all of these.
@@ -49,23 +48,12 @@ impl Listing {
     }
 }
 
-/// The files under the directory `root`, or the objects under the URL `root`, whose path is `wanted`. Symbolic links to directories
-/// are not followed.
-///
-/// # Errors
-/// When a directory cannot be read, when the store refuses, or lists more than can be held.
-pub fn list(root: &Path, wanted: impl Fn(&Path) -> bool) -> io::Result<Listing> {
-    let mut listing = Listing::default();
-    if is_url(root) {
-        remote::list(root, &wanted, &mut listing)?;
-    } else {
-        walk(root, &wanted, &mut listing)?;
-    }
-    listing.entries.sort_by(|one, other| one.path.cmp(&other.path));
-    Ok(listing)
-}
-
-fn walk(directory: &Path, wanted: &impl Fn(&Path) -> bool, listing: &mut Listing) -> io::Result<()> {
+/// Adds the files under `directory` to `listing` whose path is `wanted`.
+pub(crate) fn walk(
+    directory: &Path,
+    wanted: &impl Fn(&Path) -> bool,
+    listing: &mut Listing,
+) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
         let entry = entry?;
         let path = entry.path();
@@ -78,7 +66,7 @@ fn walk(directory: &Path, wanted: &impl Fn(&Path) -> bool, listing: &mut Listing
             && let Ok(found) = fs::metadata(&path)
         {
             if found.is_file() {
-                listing.entries.push(Entry { path, bytes: found.len() });
+                listing.entries.push(Listed { path, bytes: found.len() });
             } else if let Some(what) = not_a_file(found.file_type()) {
                 listing.skip(path.display().to_string(), format!("it is {what}, and no file"));
             }

@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, ScopedJoinHandle};
-use storage::{Entry, Listing, Skipped};
+use storage::{Listed, Listing, Skipped};
 
 /// Recordings that are looked at together: each waits for its disk, or for a store.
 const AT_ONCE: usize = 16;
@@ -30,7 +30,7 @@ const COLUMNS: [(&str, u32); 8] = [
 ];
 
 /// A recording, or why it cannot be read.
-type Found = Result<RecordingInfo, String>;
+type Glanced = Result<RecordingInfo, String>;
 
 pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, Failure> {
     let Listing { entries, skipped, skipped_count, seen_count } =
@@ -59,7 +59,7 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
 /// Everything at `place` that has the name of a recording.
 fn recordings(place: &Path) -> std::io::Result<Listing> {
     if is_recording(place) && !place.is_dir() {
-        let entries = vec![Entry { path: place.to_owned(), bytes: 0 }];
+        let entries = vec![Listed { path: place.to_owned(), bytes: 0 }];
         return Ok(Listing { entries, seen_count: 1, ..Listing::default() });
     }
     storage::list(place, is_recording)
@@ -83,7 +83,7 @@ pub(crate) fn is_recording(path: &Path) -> bool {
 }
 
 /// Summaries of recordings, in the order of `paths`, read several at a time.
-pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
+pub(crate) fn summaries(paths: &[&Path]) -> Vec<Glanced> {
     let next = Mutex::new(paths.iter().enumerate());
     let work = || {
         let mut done = Vec::new();
@@ -94,7 +94,7 @@ pub(crate) fn summaries(paths: &[&Path]) -> Vec<Found> {
             done.push((i, glance(path, RecordingInfo::summary)));
         }
     };
-    let mut all: Vec<(usize, Found)> = thread::scope(|scope| {
+    let mut all: Vec<(usize, Glanced)> = thread::scope(|scope| {
         // this thread works, too, and alone where the system grants no other
         let start = |_| thread::Builder::new().spawn_scoped(scope, work).ok();
         let workers: Vec<_> = (1..AT_ONCE.min(paths.len())).map_while(start).collect();
@@ -138,7 +138,7 @@ fn state(info: &RecordingInfo) -> String {
     }
 }
 
-fn cells(path: &Path, found: &Found, place: &Path) -> [String; COLUMNS.len()] {
+fn cells(path: &Path, found: &Glanced, place: &Path) -> [String; COLUMNS.len()] {
     let shown = path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty()).unwrap_or(path);
     let Ok(info) = found else {
         // the reason, which is longer than a row, is told beside the table
@@ -169,7 +169,7 @@ fn cells(path: &Path, found: &Found, place: &Path) -> [String; COLUMNS.len()] {
     ]
 }
 
-fn to_json(path: &Path, found: &Found) -> serde_json::Value {
+fn to_json(path: &Path, found: &Glanced) -> serde_json::Value {
     let info = match found {
         Ok(info) => info,
         Err(why) => return json!({ "path": path, "error": why }),

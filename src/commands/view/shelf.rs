@@ -65,9 +65,9 @@ enum Kind {
 /// Size and time of the last change of a file.
 type Stamp = Option<(u64, Option<SystemTime>)>;
 
-/// `Entry` of the page.
+/// One entry of the page's list.
 #[derive(Default, Serialize)]
-struct Entry {
+struct Shelved {
     id: String,
     name: String,
     kind: &'static str,
@@ -124,7 +124,7 @@ impl Runs {
     }
 
     /// The rows of the table, and how many more there are; ends early once `stop` is set.
-    fn entries(&self, stop: &AtomicBool) -> Result<(Vec<Entry>, usize), Failure> {
+    fn entries(&self, stop: &AtomicBool) -> Result<(Vec<Shelved>, usize), Failure> {
         let mut more = 0;
         let entries = match &self.kind {
             Kind::Live(watches, name) => {
@@ -179,13 +179,13 @@ impl Runs {
         number.to_string()
     }
 
-    fn recording_entry(&self, path: &Path) -> Entry {
+    fn recording_entry(&self, path: &Path) -> Shelved {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !self.is_inside(path) {
             return refused(name, NOT_FOLLOWED);
         }
         match glance(path, RecordingInfo::glance) {
-            Ok(info) => Entry {
+            Ok(info) => Shelved {
                 damage: damage(&info, path).map(|damage| shown_within(&damage, ROW_TEXT_BYTES).into_owned()),
                 manifest: serde_json::to_value(&info.manifest).ok().map(of_a_row),
                 bytes: Some(info.file_bytes),
@@ -196,24 +196,24 @@ impl Runs {
     }
 
     /// An entry that opens the recording at `path`.
-    fn opened(&self, name: String, path: &Path) -> Entry {
+    fn opened(&self, name: String, path: &Path) -> Shelved {
         let id = self.id(path);
         let (url, results) = (format!("recording/{id}"), Some(format!("results/{id}")));
-        Entry { id, name, kind: "recording", url, results, ..Entry::default() }
+        Shelved { id, name, kind: "recording", url, results, ..Shelved::default() }
     }
 
-    fn point_entry(&self, point: Shown) -> Entry {
+    fn point_entry(&self, point: Shown) -> Shelved {
         let Shown { index, values, recording } = point;
         let name = format!("point {index}");
         match recording {
-            Some(path) if !self.is_inside(&path) => Entry { values, ..refused(name, NOT_FOLLOWED) },
+            Some(path) if !self.is_inside(&path) => Shelved { values, ..refused(name, NOT_FOLLOWED) },
             Some(path) => {
                 let bytes = fs::metadata(&path).ok().map(|found| found.len());
-                Entry { bytes, values, ..self.opened(name, &path) }
+                Shelved { bytes, values, ..self.opened(name, &path) }
             }
             None => {
                 let (id, url) = (format!("start-{index}"), format!("start/{index}"));
-                Entry { id, name, kind: "start", url, values, ..Entry::default() }
+                Shelved { id, name, kind: "start", url, values, ..Shelved::default() }
             }
         }
     }
@@ -293,15 +293,15 @@ impl Shelf for Runs {
     }
 }
 
-fn live_entry(name: &RunName) -> Entry {
+fn live_entry(name: &RunName) -> Shelved {
     let (id, url) = (format!("live-{name}"), format!("live/{name}"));
-    Entry { id, name: name.to_string(), kind: "live", url, ..Entry::default() }
+    Shelved { id, name: name.to_string(), kind: "live", url, ..Shelved::default() }
 }
 
 /// An entry that opens nothing, and says why.
-fn refused(name: String, error: &str) -> Entry {
+fn refused(name: String, error: &str) -> Shelved {
     let error = Some(shown_within(error, ROW_TEXT_BYTES).into_owned());
-    Entry { id: format!("refused-{name}"), name, kind: "recording", error, ..Entry::default() }
+    Shelved { id: format!("refused-{name}"), name, kind: "recording", error, ..Shelved::default() }
 }
 
 /// A manifest without the parts that no table shows: long lists, and the ends of long texts.

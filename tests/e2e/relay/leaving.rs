@@ -4,7 +4,7 @@ use super::bounds::{Run, end};
 use super::strangers::{near_that, request, send, stranger};
 use super::{Hosts, LONG, SMALL, is_relayed};
 use crate::ctrl_c::wait_for_handler;
-use crate::harness::{Ended, Running, wait_until};
+use crate::harness::{Ended, Running, SILENCE, wait_until};
 use ::relay::message::{FramesMessage, RowsHead, RowsMessage, Versions, Welcome, to_json};
 use ::relay::wire::zenoh::query::Query;
 use ::relay::wire::zenoh::{Session, Wait as _};
@@ -13,10 +13,7 @@ use schemas::manifest::RunManifest;
 use schemas::presets::PRESETS;
 use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
-
-/// Half a second is promised; a machine with many tests on it has its own ideas.
-const SOON: Duration = Duration::from_millis(1500);
+use std::time::Instant;
 
 /// Asserts that Ctrl-C ends a side soon, before it is done.
 #[track_caller]
@@ -32,7 +29,7 @@ fn ended_at_ctrl_c(phase: &str, side: Running) -> Ended {
     let start = Instant::now();
     let ended = side.wait();
     let took = start.elapsed();
-    assert!(took < SOON, "{phase}: {took:?}\n{}", ended.stderr());
+    assert!(took < SILENCE, "{phase}: {took:?}\n{}", ended.stderr());
     ended
 }
 
@@ -49,7 +46,7 @@ fn a_far_side_ends_with_its_run() {
     far.wait().exits(0);
     near.wait().exits(0);
     let took = start.elapsed();
-    assert!(took < SOON, "{took:?}");
+    assert!(took < SILENCE, "{took:?}");
 }
 
 /// A near side that answers by `answer`, and tells of each question.

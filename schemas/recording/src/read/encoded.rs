@@ -15,11 +15,11 @@ use std::ops::Range;
 #[derive(Debug, Clone, Default)]
 pub struct EncodedStates {
     bytes: Vec<u8>,
-    entries: Vec<Entry>,
+    entries: Vec<Encoded>,
 }
 
 #[derive(Debug, Clone)]
-struct Entry {
+struct Encoded {
     frame: u64,
     step: u64,
     state: Range<usize>,
@@ -30,7 +30,7 @@ impl EncodedStates {
     /// Adds the state of `step`, encoded as `message`; `frame` is its number, or that of the frame before.
     pub fn push(&mut self, frame: u64, step: u64, message: &[u8]) {
         let state = self.append(message);
-        self.entries.push(Entry { frame, step, state, summary: None });
+        self.entries.push(Encoded { frame, step, state, summary: None });
     }
 
     /// Adds the encoded summary of the last state.
@@ -56,7 +56,7 @@ impl EncodedStates {
     /// Forgets them all and begins with the last state of `before`, without its summary.
     pub fn begin_after(&mut self, before: &Self) {
         self.clear();
-        if let Some(Entry { frame, step, state, .. }) = before.entries.last() {
+        if let Some(Encoded { frame, step, state, .. }) = before.entries.last() {
             self.push(*frame, *step, before.bytes.get(state.clone()).unwrap_or_default());
         }
     }
@@ -91,7 +91,7 @@ impl EncodedStates {
         manifest: &RunManifest,
         doubles: &'a mut Vec<f64>,
     ) -> Result<Frame<'a>, String> {
-        let Entry { frame, step, state, .. } = self.entries.get(index).ok_or("no such state")?;
+        let Encoded { frame, step, state, .. } = self.entries.get(index).ok_or("no such state")?;
         let lengths = StateLengths::of(manifest);
         let message = self.bytes.get(state.clone()).unwrap_or_default();
         let time_s = decode::state(message, lengths, doubles)?.time_s;

@@ -37,7 +37,7 @@ pub struct RecordingSource {
     /// `[u | v | extra]` of the state read last.
     doubles: Vec<f64>,
     /// Read, but not lent.
-    next: Next,
+    next: Pending,
     /// Everything recorded up to this step has been lent or reported.
     accounted: Option<u64>,
     /// Step of the state in `doubles`.
@@ -45,7 +45,7 @@ pub struct RecordingSource {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Next {
+enum Pending {
     Unknown,
     Frame {
         frame: u64,
@@ -87,7 +87,7 @@ impl RecordingSource {
             index,
             until: None,
             doubles: Vec::new(),
-            next: Next::Unknown,
+            next: Pending::Unknown,
             accounted: None,
             read: None,
         };
@@ -129,7 +129,7 @@ impl RecordingSource {
         }
         self.index = Some(index);
         if found.is_err() {
-            self.next = Next::End { reason: EndReason::Unfinished, last_step: None };
+            self.next = Pending::End { reason: EndReason::Unfinished, last_step: None };
         }
         found
     }
@@ -188,12 +188,12 @@ impl RecordingSource {
         self.next = match &next {
             Ok(next) => *next,
             // what comes after damage is not trusted
-            Err(_) => Next::End { reason: EndReason::Unfinished, last_step: None },
+            Err(_) => Pending::End { reason: EndReason::Unfinished, last_step: None },
         };
         next.map(|_| ())
     }
 
-    fn read_next(&mut self) -> Result<Next, ReadError> {
+    fn read_next(&mut self) -> Result<Pending, ReadError> {
         while let Some(message) = self.messages.next()? {
             if message.channel.topic != proto::STATE.topic {
                 continue;
@@ -206,7 +206,7 @@ impl RecordingSource {
             self.read = Some(state.step);
             let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
             if let Some(frame) = frame.or_else(between) {
-                return Ok(Next::Frame { frame, step: state.step, time_s: state.time_s });
+                return Ok(Pending::Frame { frame, step: state.step, time_s: state.time_s });
             }
         }
         self.read_end()
@@ -221,13 +221,13 @@ impl RecordingSource {
         Schedule::new(self.messages.manifest(), &self.messages.contents().begin)
     }
 
-    fn read_end(&self) -> Result<Next, ReadError> {
+    fn read_end(&self) -> Result<Pending, ReadError> {
         let (contents, manifest) = (self.messages.contents(), self.messages.manifest());
         if !contents.channels.is_empty() || self.messages.is_finished() {
             self.messages.check_has(proto::STATE.topic)?;
         }
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {
-            return Ok(Next::End { reason: EndReason::Unfinished, last_step: None });
+            return Ok(Pending::End { reason: EndReason::Unfinished, last_step: None });
         };
         if let (Some(expected), Some(step)) = (&end.last_state_hash, self.read) {
             let found = head::state_hash(step, &self.doubles);
@@ -241,7 +241,7 @@ impl RecordingSource {
             EndReason::Complete => Some(manifest.physics.step_count),
             _ => end.last_step.filter(|step| *step <= manifest.physics.step_count),
         };
-        Ok(Next::End { reason: end.reason, last_step })
+        Ok(Pending::End { reason: end.reason, last_step })
     }
 
     /// The frames that should come before step `next` (or up to it, if `included`) but do not.
@@ -258,7 +258,7 @@ impl FrameSource for RecordingSource {
     }
 
     fn receive(&mut self) -> Result<Received<'_>, ReadError> {
-        if matches!(self.next, Next::Unknown) {
+        if matches!(self.next, Pending::Unknown) {
             // the state read last was lent
             if self.read.zip(self.until).is_some_and(|(step, until)| step >= until) {
                 return Ok(Received::End(EndReason::Interrupted));
@@ -266,17 +266,17 @@ impl FrameSource for RecordingSource {
             self.advance()?;
         }
         match self.next {
-            Next::Frame { frame, step, time_s } => {
+            Pending::Frame { frame, step, time_s } => {
                 if let Some((from, to)) = self.missed_before(step, false) {
                     self.accounted = Some(step - 1);
                     return Ok(Received::Missed { from, to });
                 }
                 self.accounted = Some(step);
-                self.next = Next::Unknown;
+                self.next = Pending::Unknown;
                 let frame = Frame::of_doubles((frame, step, time_s), self.lengths.beads, &self.doubles);
                 Ok(Received::Frame(frame))
             }
-            Next::End { reason, last_step } => {
+            Pending::End { reason, last_step } => {
                 if let Some(step) = last_step
                     && let Some((from, to)) = self.missed_before(step, true)
                 {
@@ -285,7 +285,7 @@ impl FrameSource for RecordingSource {
                 }
                 Ok(Received::End(reason))
             }
-            Next::Unknown => Ok(Received::End(EndReason::Unfinished)),
+            Pending::Unknown => Ok(Received::End(EndReason::Unfinished)),
         }
     }
 }

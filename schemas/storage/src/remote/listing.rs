@@ -3,7 +3,7 @@
 use super::client::Skips;
 use super::store::{self, Directory, Pages};
 use super::wait;
-use crate::{Entry, Listing, StorageError};
+use crate::{Listed, Listing, StorageError};
 use futures_util::TryStreamExt as _;
 use object_store::ObjectMeta;
 use object_store::list::PaginatedListOptions;
@@ -41,7 +41,7 @@ pub(crate) fn list(
             let path = PathBuf::from(format!("{}/{}", directory.base, object.location));
             if wanted(&path) {
                 bounds.name_bytes += path.as_os_str().len() as u64;
-                listing.entries.push(Entry { path, bytes: object.size });
+                listing.entries.push(Listed { path, bytes: object.size });
             }
         }
         directory.take_skipped(listing);

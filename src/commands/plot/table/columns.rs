@@ -22,7 +22,7 @@ pub(super) struct Keys {
 
 /// A result: a number for each row, or its statistics as an ensemble's table has them.
 #[derive(Debug)]
-pub(super) enum Found {
+pub(super) enum Column {
     Numbers(Vec<Option<f64>>),
     Statistics(Vec<Option<Statistics>>, Vec<Members>),
 }
@@ -126,9 +126,9 @@ impl Columns {
     }
 
     /// A result, as a number or as its statistics.
-    pub(super) fn result(&self, name: &str) -> Result<Found, Failure> {
+    pub(super) fn result(&self, name: &str) -> Result<Column, Failure> {
         if self.find(name).is_some() || self.find(&format!("{MEAN}{name}")).is_none() {
-            return self.numbers(name).map(Found::Numbers);
+            return self.numbers(name).map(Column::Numbers);
         }
         let of = |what: &str| self.numbers(&format!("{what}{name}"));
         let (mean, error, median) = (of(MEAN)?, of("standard_error_")?, of("median_")?);
@@ -149,7 +149,7 @@ impl Columns {
             })
         };
         let rows = || 0..self.row_count();
-        Ok(Found::Statistics(rows().map(row).collect(), rows().map(members).collect()))
+        Ok(Column::Statistics(rows().map(row).collect(), rows().map(members).collect()))
     }
 
     /// The different values of a column: numbers by size, words by their letters, and what is empty last.
@@ -173,7 +173,7 @@ impl Columns {
     }
 }
 
-impl Found {
+impl Column {
     /// The mean of each row.
     pub(super) fn means(&self) -> Vec<Option<f64>> {
         match self {

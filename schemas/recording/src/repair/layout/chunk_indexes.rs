@@ -6,7 +6,7 @@ use mcap::records::ChunkIndex;
 use std::collections::BTreeMap;
 
 /// Log time (ns) and offset in the chunk of a message, as in a message index.
-type Entry = (u64, u64);
+type MessagePlace = (u64, u64);
 
 /// The chunk that was read last, while its message indexes may come.
 #[derive(Debug, Default)]
@@ -14,7 +14,7 @@ pub(super) struct OpenChunk {
     /// Its index without what its message indexes add; none if there is no chunk.
     index: Option<ChunkIndex>,
     /// The messages of each channel in the order of the chunk.
-    messages: BTreeMap<u16, Vec<Entry>>,
+    messages: BTreeMap<u16, Vec<MessagePlace>>,
 }
 
 impl OpenChunk {
@@ -87,7 +87,7 @@ impl OpenChunk {
     }
 }
 
-fn parse(body: &[u8]) -> Option<(u16, Vec<Entry>)> {
+fn parse(body: &[u8]) -> Option<(u16, Vec<MessagePlace>)> {
     let (channel_id, rest) = body.split_first_chunk::<2>()?;
     let (length, rest) = rest.split_first_chunk::<4>()?;
     let is_whole = usize::try_from(u32::from_le_bytes(*length)).ok()? == rest.len();

@@ -37,7 +37,7 @@ pub(super) struct Chunks {
 
 /// What to do next.
 #[derive(Debug)]
-pub(super) enum Next {
+pub(super) enum Due {
     /// Write this chunk, which has this number in the file.
     Write(u64, Block),
     /// Sync what was written.
@@ -113,7 +113,7 @@ impl Chunks {
     }
 
     /// What to do at the time `now`. The receiver of a chunk calls [`written`](Self::written) later.
-    pub(super) fn next(&mut self, now: Instant) -> Next {
+    pub(super) fn next(&mut self, now: Instant) -> Due {
         let Rules { flush_period, sync_period, .. } = self.rules;
         let flush_at =
             self.open.opened().and_then(|opened| opened.checked_add(flush_period.min(sync_period)));
@@ -123,14 +123,14 @@ impl Chunks {
         if let Some(block) = self.closed.pop_front() {
             self.in_work = (self.in_work.0 + 1, self.in_work.1 + block.bytes());
             self.next_number += 1;
-            return Next::Write(self.next_number - 1, block);
+            return Due::Write(self.next_number - 1, block);
         }
         let sync_at = self.unsynced.and_then(|since| since.checked_add(sync_period));
         if sync_at.is_some_and(|at| at <= now) {
             self.unsynced = None;
-            return Next::Sync;
+            return Due::Sync;
         }
-        Next::Nothing([flush_at, sync_at].into_iter().flatten().min())
+        Due::Nothing([flush_at, sync_at].into_iter().flatten().min())
     }
 
     /// `block` is in the file.
@@ -181,7 +181,7 @@ mod tests {
 
     /// The next chunk, written at once: its number and its frames.
     fn write(chunks: &mut Chunks, now: Instant) -> Option<(u64, u64)> {
-        let Next::Write(number, block) = chunks.next(now) else { return None };
+        let Due::Write(number, block) = chunks.next(now) else { return None };
         let frames = block.frames();
         chunks.written(block);
         Some((number, frames))
@@ -191,10 +191,10 @@ mod tests {
     #[test]
     fn no_frame_waits_longer_than_the_flush_period() {
         let (mut chunks, start) = (chunks(), Instant::now());
-        assert!(matches!(chunks.next(start), Next::Nothing(None)));
+        assert!(matches!(chunks.next(start), Due::Nothing(None)));
         frame(&mut chunks, 10, start);
         frame(&mut chunks, 10, start + 60 * MS);
-        let Next::Nothing(Some(at)) = chunks.next(start + 99 * MS) else { panic!("too early") };
+        let Due::Nothing(Some(at)) = chunks.next(start + 99 * MS) else { panic!("too early") };
         assert_eq!(at, start + 100 * MS);
         assert_eq!(chunks.unwritten_frames(), 2);
         assert_eq!(write(&mut chunks, start + 100 * MS), Some((0, 2)));
@@ -210,15 +210,15 @@ mod tests {
         let (mut chunks, start) = (chunks(), Instant::now());
         frame(&mut chunks, 10, start);
         assert!(write(&mut chunks, start + 100 * MS).is_some());
-        let Next::Nothing(Some(at)) = chunks.next(start + 249 * MS) else { panic!("too early") };
+        let Due::Nothing(Some(at)) = chunks.next(start + 249 * MS) else { panic!("too early") };
         assert_eq!(at, start + 250 * MS);
-        assert!(matches!(chunks.next(start + 250 * MS), Next::Sync));
-        assert!(matches!(chunks.next(start + 250 * MS), Next::Nothing(None)));
+        assert!(matches!(chunks.next(start + 250 * MS), Due::Sync));
+        assert!(matches!(chunks.next(start + 250 * MS), Due::Nothing(None)));
         // one that is shorter than the flush period closes chunks, too
         chunks.rules.sync_period = 10 * MS;
         frame(&mut chunks, 10, start + 300 * MS);
         assert!(write(&mut chunks, start + 310 * MS).is_some());
-        assert!(matches!(chunks.next(start + 310 * MS), Next::Sync));
+        assert!(matches!(chunks.next(start + 310 * MS), Due::Sync));
     }
 
     #[test]
@@ -252,7 +252,7 @@ mod tests {
         frame(&mut chunks, 5000, start);
         frame(&mut chunks, 5000, start);
         chunks.close();
-        let Next::Write(_, block) = chunks.next(start) else { panic!("nothing to write") };
+        let Due::Write(_, block) = chunks.next(start) else { panic!("nothing to write") };
         assert!(chunks.is_full());
         assert_eq!(chunks.unwritten_frames(), 2);
         chunks.written(block);

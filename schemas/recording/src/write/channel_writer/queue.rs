@@ -1,7 +1,7 @@
 //! The bounded queue between the thread that records and those that write.
 
 use super::block::Block;
-use super::chunks::{Chunks, Next};
+use super::chunks::{Chunks, Due};
 use std::io;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -123,7 +123,7 @@ impl Queue {
     }
 
     /// Waits for the next thing to do; none when a thread is to end.
-    pub(super) fn next(&self) -> Option<Next> {
+    pub(super) fn next(&self) -> Option<Due> {
         let mut state = self.lock();
         loop {
             if !state.is_working() {
@@ -131,8 +131,8 @@ impl Queue {
             }
             let now = Instant::now();
             let until = match state.chunks.next(now) {
-                Next::Nothing(_) if matches!(state.phase, Phase::Ending) => return None,
-                Next::Nothing(until) => until,
+                Due::Nothing(_) if matches!(state.phase, Phase::Ending) => return None,
+                Due::Nothing(until) => until,
                 next => return Some(next),
             };
             state = match until {

@@ -2,7 +2,7 @@
 
 use super::WriteOptions;
 use super::block::Block;
-use super::chunks::Next;
+use super::chunks::Due;
 use super::output::{Encoded, Encoder, Output};
 use super::queue::{Queue, Refused};
 use crate::write::sync::BackgroundSync;
@@ -137,11 +137,11 @@ impl Shared {
         let mut encoded = Encoded::default();
         while let Some(next) = self.queue.next() {
             let done = match next {
-                Next::Write(number, block) => {
+                Due::Write(number, block) => {
                     encoder.encode(&block, &mut encoded).and_then(|()| self.write(number, block, &encoded))
                 }
-                Next::Sync => self.lock().request_sync(),
-                Next::Nothing(_) => Ok(()),
+                Due::Sync => self.lock().request_sync(),
+                Due::Nothing(_) => Ok(()),
             };
             if let Err(error) = done {
                 self.fail(error);
