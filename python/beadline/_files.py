@@ -102,7 +102,7 @@ def export(
 
     Args:
         path: The file.
-        to: ``"npz"``, ``"csv"``, ``"parquet"``, ``"foxglove"`` or ``"ros2"``; by default the one that the name of the file ends with.
+        to: ``"npz"``, ``"csv"``, ``"parquet"`` or ``"foxglove"``; by default the one that the name of the file ends with.
         from_s, until_s: The first and the last simulated time (s).
         beads: Only these beads: ``slice(100, 200)``.
         every: Only each of so many steps; those that were not kept are recomputed.

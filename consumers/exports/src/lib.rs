@@ -9,7 +9,6 @@ mod foxglove;
 mod hdf5;
 mod npz;
 mod parquet;
-mod ros2;
 mod spool;
 
 use consumers::table::{Column, Kind, Table};
@@ -59,32 +58,6 @@ impl Excerpt {
     /// The number of the frame at `step`, if there is one: steps between frames may be exported, too.
     pub fn frame_at(&self, step: u64) -> Option<u64> {
         self.manifest.is_frame(step).then(|| self.manifest.frame_at(step))
-    }
-}
-
-/// What an MCAP file says of the states in it.
-#[derive(Debug, Default)]
-struct Written {
-    states: u64,
-    /// Of the first and the last one.
-    steps: (u64, u64),
-}
-
-impl Written {
-    fn count(&mut self, frame: &Frame<'_>) {
-        let first = if self.states == 0 { frame.step } else { self.steps.0 };
-        self.steps = (first, frame.step);
-        self.states += 1;
-    }
-
-    fn about(&self, excerpt: &Excerpt) -> [(&'static str, String); 5] {
-        [
-            ("states", self.states.to_string()),
-            ("first_step", self.steps.0.to_string()),
-            ("last_step", self.steps.1.to_string()),
-            ("first_bead", excerpt.beads.start.to_string()),
-            ("bead_count", excerpt.beads.len().to_string()),
-        ]
     }
 }
 
@@ -160,13 +133,11 @@ pub enum Format {
     Hdf5,
     /// An MCAP file with Foxglove's messages.
     Foxglove,
-    /// An MCAP file with messages of ROS 2.
-    Ros2,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5, Self::Foxglove, Self::Ros2];
+    pub const ALL: [Self; 5] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5, Self::Foxglove];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -176,7 +147,6 @@ impl Format {
             Self::Parquet => "parquet",
             Self::Hdf5 => "hdf5",
             Self::Foxglove => "foxglove",
-            Self::Ros2 => "ros2",
         }
     }
 
@@ -187,7 +157,7 @@ impl Format {
             Self::Csv => &["csv"],
             Self::Parquet => &["parquet"],
             Self::Hdf5 => &["h5", "hdf5", "h5md"],
-            Self::Foxglove | Self::Ros2 => &[],
+            Self::Foxglove => &[],
         }
     }
 
@@ -220,7 +190,6 @@ impl Format {
             #[cfg(feature = "hdf5")]
             Self::Hdf5 => Box::new(hdf5::Hdf5::create(path, excerpt, replace)?),
             Self::Foxglove => Box::new(foxglove::Foxglove::create(path, excerpt, replace)?),
-            Self::Ros2 => Box::new(ros2::Ros2::create(path, excerpt, replace)?),
         })
     }
 }
