@@ -5,8 +5,6 @@
 
 mod csv;
 mod foxglove;
-#[cfg(feature = "hdf5")]
-mod hdf5;
 mod npz;
 mod parquet;
 mod spool;
@@ -94,16 +92,6 @@ pub enum ExportError {
     /// The file could not be written, or not be given its name.
     #[error(transparent)]
     File(#[from] WholeFileError),
-    /// This program was built without the format.
-    #[error(
-        "this beadline was built without {format} (that of the Python package always is); with Rust from rustup.rs, `cargo install \
-         --git {} --features {format} beadline` installs one that has it",
-        env!("CARGO_PKG_REPOSITORY")
-    )]
-    NotBuilt {
-        /// The format.
-        format: Format,
-    },
     /// The same of an MCAP file.
     #[error(transparent)]
     Mcap(#[from] WriteError),
@@ -114,7 +102,6 @@ impl ExportError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
-            Self::NotBuilt { .. } => false,
             Self::Mcap(error) => error.is_in_the_way(),
         }
     }
@@ -129,15 +116,13 @@ pub enum Format {
     Csv,
     /// A table with a row for each state and lists of values for the beads.
     Parquet,
-    /// HDF5 in the layout of H5MD.
-    Hdf5,
     /// An MCAP file with Foxglove's messages.
     Foxglove,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5, Self::Foxglove];
+    pub const ALL: [Self; 4] = [Self::Npz, Self::Csv, Self::Parquet, Self::Foxglove];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -145,7 +130,6 @@ impl Format {
             Self::Npz => "npz",
             Self::Csv => "csv",
             Self::Parquet => "parquet",
-            Self::Hdf5 => "hdf5",
             Self::Foxglove => "foxglove",
         }
     }
@@ -156,25 +140,15 @@ impl Format {
             Self::Npz => &["npz"],
             Self::Csv => &["csv"],
             Self::Parquet => &["parquet"],
-            Self::Hdf5 => &["h5", "hdf5", "h5md"],
             Self::Foxglove => &[],
         }
-    }
-
-    /// Looks whether this program has the format: a heavy one is a feature of the build.
-    ///
-    /// # Errors
-    /// [`ExportError::NotBuilt`].
-    pub fn check_built(self) -> Result<(), ExportError> {
-        let built = self != Self::Hdf5 || cfg!(feature = "hdf5");
-        if built { Ok(()) } else { Err(ExportError::NotBuilt { format: self }) }
     }
 
     /// Begins an export of `excerpt` to `path`. A file of that name, or what an export has left of one, is in the
     /// way unless `replace`.
     ///
     /// # Errors
-    /// When something is in the way, the file cannot be created, or this program has not the format.
+    /// When something is in the way, or the file cannot be created.
     pub fn begin(
         self,
         path: &Path,
@@ -185,10 +159,6 @@ impl Format {
             Self::Npz => Box::new(npz::Npz::create(path, excerpt, replace)?),
             Self::Csv => Box::new(csv::Csv::create(path, excerpt, replace)?),
             Self::Parquet => Box::new(parquet::Parquet::create(path, excerpt, replace)?),
-            #[cfg(not(feature = "hdf5"))]
-            Self::Hdf5 => return Err(ExportError::NotBuilt { format: self }),
-            #[cfg(feature = "hdf5")]
-            Self::Hdf5 => Box::new(hdf5::Hdf5::create(path, excerpt, replace)?),
             Self::Foxglove => Box::new(foxglove::Foxglove::create(path, excerpt, replace)?),
         })
     }
