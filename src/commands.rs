@@ -1,6 +1,5 @@
 //! One module for each mode; each reads from top to bottom.
 
-pub(crate) mod bench;
 pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod contacts;

@@ -7,6 +7,7 @@ mod failure;
 
 mod analysis;
 mod args;
+mod child;
 mod commands;
 mod configuration;
 mod determining;
@@ -44,7 +45,7 @@ pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
     limits::prepare(form);
     bus::while_waiting(signals::while_waiting);
-    bench::child::set_program(program);
+    child::set_program(program);
     let arguments = args::command().try_get_matches_from(arguments);
     let cli = arguments.and_then(|arguments| Cli::from_arg_matches(&arguments));
     let cli = cli.unwrap_or_else(|error| failure::exit_of_usage(&error, form));
@@ -77,8 +78,6 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Relay(args) => commands::relay::relay(&args),
-        Command::Bench(args) => commands::bench::bench(&args),
-        Command::BenchPart(args) => commands::bench::part(&args),
         Command::Ls { place, json, names } => commands::ls::ls(place.as_deref(), json, names),
         Command::Top(args) => commands::top::top(&args),
         Command::Thin(args) => commands::thin::thin(&args),
