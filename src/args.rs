@@ -33,12 +33,11 @@ use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use schemas::method::Method;
 use schemas::presets::PRESETS;
-use schemas::run_name::RunName;
 use std::num::NonZero;
 use std::path::PathBuf;
 use values::{
     parse_count, parse_impurity, parse_jobs, parse_number, parse_pace, parse_pair, parse_positive,
-    parse_rounds, parse_seconds, parse_shard, parse_whole,
+    parse_seconds, parse_shard, parse_whole,
 };
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
@@ -106,11 +105,6 @@ pub(crate) enum Command {
     Replay(ReplayArgs),
     /// Bring a live run to another host, recomputed there and proven
     Relay(RelayArgs),
-    /// Measure this machine: each figure beside its limit, as ratios
-    Bench(BenchArgs),
-    /// What the bench runs in other processes
-    #[command(subcommand, hide = true)]
-    BenchPart(PartArgs),
     /// List the live runs of this user with their ends and consumers; or the recordings of a place
     #[command(after_help = "Examples:\n  \
         beadline ls --json | jq '.[].consumers'\n  \
@@ -418,48 +412,7 @@ pub(crate) struct ReproduceArgs {
     pub(crate) json: bool,
 }
 
-#[derive(Debug, Args)]
-#[command(after_help = format!("Examples:\n  \
-    beadline bench --rounds 9\n  \
-    beadline bench --only recordings\n\n\
-    {}\n\
-    Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least and the most.\n\
-    Exit code 3: a ratio does not keep to its floor.", bench::list_of_groups()))]
-pub(crate) struct BenchArgs {
-    /// Measure only the groups whose names contain this
-    #[arg(long, value_name = "WORD")]
-    pub(crate) only: Option<String>,
-    /// Times that each pair is measured
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = parse_rounds)]
-    pub(crate) rounds: u32,
-    /// Print the table as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// The names of the ready-made configurations, which shells can complete.
 fn presets() -> PossibleValuesParser {
     PossibleValuesParser::new(PRESETS.map(|preset| preset.name))
-}
-
-/// A process of the bench.
-#[derive(Debug, Subcommand)]
-pub(crate) enum PartArgs {
-    /// Sum up slices from a bare publisher
-    Sum {
-        /// Its service
-        name: String,
-        /// How many
-        count: u64,
-    },
-    /// Tell when a bare event wakes it
-    Listen {
-        /// The event's service
-        name: String,
-    },
-    /// Tell when frames of a run come
-    Receive {
-        /// The run
-        name: RunName,
-    },
 }

@@ -2,7 +2,6 @@
 
 pub(crate) mod analyse;
 pub(crate) mod analyses;
-pub(crate) mod bench;
 pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod demo;

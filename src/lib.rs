@@ -7,6 +7,7 @@ mod failure;
 
 mod analysis;
 mod args;
+mod child;
 mod commands;
 mod configuration;
 mod determining;
@@ -81,7 +82,7 @@ pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
     limits::prepare(|message| form.line(message));
     bus::while_waiting(signals::while_waiting);
-    bench::child::set_program(program);
+    child::set_program(program);
     let asked = args::command().try_get_matches_from(arguments).and_then(|matches| Asked::of(&matches));
     let asked = asked.unwrap_or_else(|error| failure::exit_of_usage(&error, form));
     // a library that panics, such as the one below the bus, must not take the exit code with it
@@ -123,8 +124,6 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Record(args) => commands::record::record(&args),
         Command::Replay(args) => commands::replay::replay(&args),
         Command::Relay(args) => commands::relay::relay(&args),
-        Command::Bench(args) => commands::bench::bench(&args),
-        Command::BenchPart(args) => commands::bench::part(&args),
         Command::Ls { place, json, names } => commands::ls::ls(place.as_deref(), json, names),
         Command::Top(args) => commands::top::top(&args),
         Command::Thin(args) => commands::thin::thin(&args),

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import tempfile
 import weakref
+from bisect import bisect_left, bisect_right
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,7 @@ def export(
 
     Args:
         path: The file.
-        to: ``"npz"``, ``"csv"``, ``"parquet"``, ``"foxglove"`` or ``"ros2"``; by default the one that the name of the file ends with.
+        to: ``"npz"``, ``"csv"``, ``"parquet"`` or ``"foxglove"``; by default the one that the name of the file ends with.
         from_s, until_s: The first and the last simulated time (s).
         beads: Only these beads: ``slice(100, 200)``.
         every: Only each of so many steps; those that were not kept are recomputed.
@@ -113,11 +114,52 @@ def export(
 
     Raises:
         FileExistsError: If there is such a file.
-        CommandValueError: If the format is not known, or not in this build.
+        CommandValueError: If the format is not known.
     """
     part = {"from": in_si("from_s", from_s), "until": in_si("until_s", until_s), "beads": range_of("beads", beads)}
     steps = {"every-steps": None if every is None else count("every", every), "every-step": every_step}
     return _make(rec, "export", path, force, {"to": to, **part, **steps, "clouds": clouds, "jobs": jobs})
+
+
+def to_hdf5(
+    rec: Recording,
+    path: str | os.PathLike[str],
+    *,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    beads: slice | None = None,
+    every: int | None = None,
+    force: bool = False,
+) -> None:
+    """Writes the states as HDF5 in the layout of H5MD, some megabytes at a time.
+
+    Args:
+        path: The file.
+        from_s, until_s: The first and the last simulated time (s).
+        beads: Only these neighbours: ``slice(100, 200)``.
+        every: Only each of so many steps; by default the recorded ones.
+        force: Replace a file that exists.
+
+    Raises:
+        FileExistsError: If there is such a file.
+        ValueError: If no state or no bead is there.
+    """
+    from ._hdf5 import write
+
+    steps = rec._steps_every(every)
+
+    def time_s(step: int) -> float:
+        return step * rec.dt_s
+
+    begin = 0 if from_s is None else bisect_left(steps, in_si("from_s", from_s), key=time_s)
+    end = len(steps) if until_s is None else bisect_right(steps, in_si("until_s", until_s), key=time_s)
+    if begin >= end:
+        advice = "; every=1 recomputes the steps between" if every is None else ""
+        raise ValueError(f"from_s, until_s: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
+    places = range(rec.beads)[slice(None) if beads is None else beads]
+    if not places or places.step != 1:
+        raise ValueError(f"beads: found {beads!r}; expected neighbours of the {rec.beads} beads, such as slice(10, 90)")
+    write(rec, path, steps[begin:end], places, force)
 
 
 def thin(

@@ -415,15 +415,23 @@ class Recording(Analyses):
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
-        steps = self.recorded_steps if every is None else self.steps[:: count("every", every)]
         beads = self.beads
-        # enough for all cores, and little beside what is there
-        most = max(1, _BLOCK_BYTES // (16 * beads))
-        for begin in range(0, len(steps), most):
-            block = np.ascontiguousarray(steps[begin : begin + most], np.uint64)
-            for step, row in zip(block.tolist(), self._states.gather_states(block), strict=True):
+        for steps, rows in self._blocks(self._steps_every(every)):
+            for step, row in zip(steps.tolist(), rows, strict=True):
                 arrays = row[:beads], row[beads : 2 * beads], row[2 * beads :]
                 yield State(self._manifest, (self._manifest.frame_at(step), step, step * self.dt_s, *arrays))
+
+    def _steps_every(self, every: int | None) -> range | Numbers:
+        """The steps that are kept, or every so many."""
+        return self.recorded_steps if every is None else self.steps[:: count("every", every)]
+
+    def _blocks(self, steps: range | Numbers) -> Iterator[tuple[Numbers, Doubles]]:
+        """The states of these steps, some at a time: their steps, and a row of doubles for each."""
+        # enough for all cores, and little beside what is there
+        most = max(1, _BLOCK_BYTES // (16 * self.beads))
+        for begin in range(0, len(steps), most):
+            block = np.ascontiguousarray(steps[begin : begin + most], np.uint64)
+            yield block, self._states.gather_states(block)
 
     def refresh(self) -> Recording:
         """The recording as it is now, if it is still being written."""
@@ -446,6 +454,7 @@ class Recording(Analyses):
     check = _files.check
     share = _files.share
     export = _files.export
+    to_hdf5 = _files.to_hdf5
     thin = _files.thin
     recover = _files.recover
     view = _files.view

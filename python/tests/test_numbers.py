@@ -168,7 +168,12 @@ def test_counts_are_whole_and_fit() -> None:
         with pytest.raises(ValueError, match=f"^{name}: found "):
             ask()
     for every in (0, 2.5):
-        for ask in (rec.to_xarray, lambda every: list(rec.states(every=every)), lambda every: rec.share("x.html", every=every)):
+        for ask in (
+            rec.to_xarray,
+            lambda every: list(rec.states(every=every)),
+            lambda every: rec.share("x.html", every=every),
+            lambda every: rec.to_hdf5("x.h5", every=every),
+        ):
             with pytest.raises(ValueError, match=f"^every: found {every}; expected "):
                 ask(every=every)  # type: ignore[operator]
 

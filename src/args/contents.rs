@@ -20,7 +20,7 @@ const CONTENTS: [(&str, &[&str]); 7] = [
         ],
     ),
     ("The paper", &["reproduce"]),
-    ("This machine", &["bench", "completions", "man"]),
+    ("This machine", &["completions", "man"]),
 ];
 
 /// The whole command line, with its table of contents.

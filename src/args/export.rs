@@ -18,9 +18,7 @@ use std::path::PathBuf;
     beadline export sparse.mcap --out all.npz --every-step    also steps that were not recorded\n  \
     beadline export run.mcap --out few.csv --every-steps 100  the steps 0, 100, 200 …, for pandas\n  \
     beadline export run.mcap --out run.parquet                for pandas, Polars, DuckDB\n  \
-    beadline export run.mcap --out run.h5                     HDF5 in the layout of H5MD, for h5py\n  \
-    beadline export run.mcap --to foxglove --out shown.mcap   for Foxglove, Lichtblick, Rerun\n  \
-    beadline export run.mcap --to ros2 --out bag.mcap         for ROS 2, rosbags, MATLAB\n\n\
+    beadline export run.mcap --to foxglove --out shown.mcap   for Foxglove, Lichtblick, Rerun\n\n\
     Exit code 3: the recording was not finished, is damaged or goes on elsewhere; what it holds is exported."
 )]
 pub(crate) struct ExportArgs {

@@ -29,11 +29,6 @@ pub(super) fn parse_count(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
 }
 
-pub(super) fn parse_rounds(text: &str) -> Result<u32, String> {
-    let rounds = text.parse().ok().filter(|rounds| (1..=1000).contains(rounds));
-    rounds.ok_or_else(|| "expected a whole number from 1 to 1000".to_owned())
-}
-
 /// A number; its user checks the range.
 pub(super) fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| "expected a number, such as 0.5 or 1e-3".to_owned())

@@ -1,6 +1,7 @@
 //! `beadline demo`: the whole pipeline once, each part a process of its own.
 
 use crate::args::DemoArgs;
+use crate::child::Process;
 use crate::commands::share::{Sharing, share_recording};
 use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
@@ -8,7 +9,6 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use anyhow::{Context, anyhow};
-use bench::child::Process;
 use bus::{Bus, list_runs};
 use consumers::follow::{FrameObserver, Tally, follow};
 use consumers::pulses::{Passage, Probes};
@@ -164,7 +164,7 @@ impl Processes {
         let mut start = |role: &str, mut words: Vec<OsString>| -> Result<(), Failure> {
             words.push("--json".into());
             words.extend(args.force.then(|| "--force".into()));
-            processes.running.push(Process::named(role.to_owned(), words)?);
+            processes.running.push(Process::start(role, &words)?);
             Ok(())
         };
         let run = ["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"];

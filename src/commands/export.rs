@@ -56,7 +56,6 @@ impl FrameObserver for Exporting {
 
 pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let format = format(args)?;
-    format.check_built().bad_input()?;
     let from = recording(args)?;
     check_place(&args.out, Some(&from), args.force)?;
     let stop = signals::bounded_stop_flag()?;

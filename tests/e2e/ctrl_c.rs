@@ -25,7 +25,7 @@ use At::{Bare, Wait, Work};
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
 /// steps, `loaded.mcap` a chain whose modes take long, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 46] = [
+const LONG: [(&str, At, &[&str]); 45] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -87,7 +87,6 @@ const LONG: [(&str, At, &[&str]); 46] = [
     ("catalog many --out table.csv", Bare, &[]),
     ("reproduce --out paper", Work, &["paper/REPORT.md"]),
     ("demo --out demo", Work, &["demo/light-impurity.html"]),
-    ("bench --only dynamics", Bare, &[]),
 ];
 
 /// Commands that take no time, or whose Ctrl-C is tested elsewhere.

@@ -4,7 +4,6 @@
 mod any_chain;
 mod any_input;
 mod any_sweep;
-mod bench;
 mod catalogs;
 mod check;
 mod compatibility;

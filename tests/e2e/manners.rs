@@ -118,7 +118,6 @@ fn wrong_flags_are_refused_in_plain_words() {
         ("thin run.mcap --out t.mcap", "every-steps jobs"),
         ("export run.mcap --out e.npz", "every-steps beads clouds from to"),
         ("sweep s.toml --out s", "jobs shard"),
-        ("bench", "rounds"),
     ];
     for (command, flags) in commands {
         for flag in flags.split_whitespace() {
@@ -172,7 +171,6 @@ fn wrong_flags_are_refused_in_plain_words() {
         ("export run.mcap --out e.npz --clouds=0", "expected a whole number, 1 or more"),
         ("export run.mcap --out e.xyz", "--to"),
         ("sweep s.toml --out s --shard 2/2", "expected I/N"),
-        ("bench --rounds 0", "from 1 to 1000"),
         ("preset nothing", "light-impurity"),
         ("run --preset nothing", "light-impurity"),
         ("reproduce nothing", "there is no figure `nothing`"),

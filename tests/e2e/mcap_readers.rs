@@ -103,39 +103,6 @@ fn has_frames(path: &Path, count: u64) -> bool {
     RecordingInfo::read(path).is_ok_and(|info| info.frames() >= count)
 }
 
-/// Every part of a run that can be asked for is in the ROS 2 export with the doubles of the recording, and in nothing else's
-/// order; states that were not recorded, too.
-#[test]
-fn rosbags_reads_what_is_exported_for_ros2() {
-    let place = Place::new();
-    let Some(readers) = Readers::of(&place) else { return };
-    place.run(&format!("{CHAIN} --name run")).exits(0);
-    place.run("thin run.mcap --every-steps 100 --out sparse.mcap").exits(0);
-    // what is exported how; and where each of these states is, as the check is told
-    let parts = [
-        ("run.mcap", "", "run.mcap"),
-        (
-            "run.mcap",
-            "--from 1e-3 --until 2e-3 --beads 10..30",
-            "run.mcap --from 1e-3 --until 2e-3 --beads 10..30",
-        ),
-        ("run.mcap", "--every-steps 7 --beads 5..6", "run.mcap --every-steps 7 --beads 5..6"),
-        ("sparse.mcap", "", "sparse.mcap"),
-        ("sparse.mcap", "--every-step --from 1e-3", "run.mcap --from 1e-3"),
-    ];
-    for (i, (recording, flags, reference)) in parts.into_iter().enumerate() {
-        let bag = format!("bag-{i}.mcap");
-        place.run(&format!("export {recording} --to ros2 --out {bag} {flags}")).exits(0);
-        let mut words: Vec<_> = reference.split(' ').collect();
-        words.insert(1, &bag);
-        readers.python("check_ros2.py", &words);
-    }
-    readers.node(&["bag-0.mcap"]);
-    readers.rerun(&[], "bag-0.mcap", "bag.rrd");
-    place.run("export run.mcap --out bag.mcap").exits(2).says(&["--to", "foxglove", "ros2"]);
-    place.run("export run.mcap --to ros2 --out bag-0.mcap").exits(2).says(&["--force"]);
-}
-
 /// What is exported for Foxglove is the recording's, reduced without losing what is fastest, and Rerun shows it: of a whole
 /// run, of a part of it, and of a sparse recording with fewer states than rows of the map and clouds.
 #[test]
@@ -162,6 +129,8 @@ fn viewers_show_what_is_exported_for_foxglove() {
         readers.rerun(&[], &shown, &rrd);
         readers.python("check_shown_in_rerun.py", &[&shown, &rrd]);
     }
+    place.run("export run.mcap --out few.mcap").exits(2).says(&["--to", "foxglove"]);
+    place.run("export run.mcap --to foxglove --out shown-0.mcap").exits(2).says(&["--force"]);
     place.run("export run.mcap --to foxglove --out few.mcap --clouds 5").exits(0);
     place.run("impurity run.mcap --events events.csv --force").exits(0);
     readers.python("check_foxglove.py", &["run.mcap", "few.mcap", "events.csv", "5"]);

@@ -7,7 +7,7 @@ STEPS is FIRST:LAST:EVERY and says which steps of TRUTH.mcap, a recording of the
 step, EXPORT must hold: the multiples of EVERY from FIRST to LAST, and with FIRST:LAST:EVERY+ also LAST. BEADS is
 A:B, without B. Steps, frames, times, displacements, velocities, masses, stiffnesses and rest overlaps must be
 the same, doubles bit for bit, and so must the physics of the manifest. What an export is, its name says: .npz (read by
-numpy), .csv (Python's csv), .parquet (pyarrow), .h5 (h5py). Exit code 0 if all is well.
+numpy), .csv (Python's csv), .parquet (pyarrow). Exit code 0 if all is well.
 """
 
 import csv
@@ -95,34 +95,6 @@ def read_parquet(path):
     }
 
 
-def read_h5(path):
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        if list(file["h5md"].attrs["version"]) != [1, 1] or file["h5md/creator"].attrs["name"] != "beadline":
-            sys.exit(f"{path}: not of H5MD")
-        chain, parameters = file["particles/chain"], file["parameters"]
-        for name, unit in [("position/value", "m"), ("velocity/value", "m s-1"), ("position/time", "s"), ("mass", "kg")]:
-            if chain[name].attrs["unit"] != unit:
-                sys.exit(f"{path}: unit of {name}")
-        if chain["velocity/step"] != chain["position/step"] or chain["box"].attrs["dimension"] != 1:
-            sys.exit(f"{path}: velocity has other steps, or the box other dimensions")
-        manifest = json.loads(parameters["manifest"].asstr()[0])
-        steps = chain["position/step"][:]
-        return {
-            "frame": np.array([frame_at(step, manifest) for step in steps]),
-            "step": steps,
-            "time_s": chain["position/time"][:],
-            "displacement_m": chain["position/value"][:, :, 0],
-            "velocity_m_s": chain["velocity/value"][:, :, 0],
-            "bead": chain["id"][:],
-            "mass_kg": chain["mass"][:],
-            "stiffness": parameters["stiffness"][:],
-            "rest_overlap_m": parameters["rest_overlap"][:],
-            "manifest": manifest,
-        }
-
-
 def frame_at(step, manifest):
     """The number of the frame at a step, -1 if there is none."""
     every, last = manifest["provenance"]["publish_every_steps"], manifest["physics"]["step_count"]
@@ -152,7 +124,7 @@ def check(path, steps, beads, truth):
     if every.endswith("+") and expected[-1] != last:
         expected.append(last)
     a, b = map(int, beads.split(":"))
-    readers = {"npz": read_npz, "csv": read_csv, "parquet": read_parquet, "h5": read_h5}
+    readers = {"npz": read_npz, "csv": read_csv, "parquet": read_parquet}
     found = readers[path.rsplit(".", 1)[-1]](path)
     if found["manifest"]["physics"] != physics:
         sys.exit(f"{path}: other physics")

@@ -4,7 +4,7 @@ mod cloud;
 mod colour;
 mod map;
 
-use super::{Excerpt, Export, ExportError, Written};
+use super::{Excerpt, Export, ExportError};
 use consumers::energies::default_split_bead;
 use consumers::impurity::{Event, EventKind, Followed};
 use map::SpaceTime;
@@ -37,6 +37,32 @@ pub(super) struct Foxglove {
     events: u64,
 }
 
+/// The states in the file, as its metadata names them.
+#[derive(Debug, Default)]
+struct Written {
+    states: u64,
+    /// Of the first and the last one.
+    steps: (u64, u64),
+}
+
+impl Written {
+    fn count(&mut self, frame: &Frame<'_>) {
+        let first = if self.states == 0 { frame.step } else { self.steps.0 };
+        self.steps = (first, frame.step);
+        self.states += 1;
+    }
+
+    fn about(&self, excerpt: &Excerpt) -> [(&'static str, String); 5] {
+        [
+            ("states", self.states.to_string()),
+            ("first_step", self.steps.0.to_string()),
+            ("last_step", self.steps.1.to_string()),
+            ("first_bead", excerpt.beads.start.to_string()),
+            ("bead_count", excerpt.beads.len().to_string()),
+        ]
+    }
+}
+
 /// Where each kind of message goes.
 struct Channels {
     summary: ForeignChannel,
@@ -52,7 +78,7 @@ impl Foxglove {
     pub(super) fn create(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Self, ExportError> {
         let manifest = &excerpt.manifest;
         let options = WriteOptions { force: replace, ..WriteOptions::default() };
-        let mut file = ForeignWriter::create(path, "", manifest, &options)?;
+        let mut file = ForeignWriter::create(path, manifest, &options)?;
         let beads = beads_to_follow(manifest);
         let channels = Channels::add(&mut file, &beads)?;
         let scale_m_s = manifest.physics.scales().speed_m_s();

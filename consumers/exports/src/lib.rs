@@ -5,11 +5,8 @@
 
 mod csv;
 mod foxglove;
-#[cfg(feature = "hdf5")]
-mod hdf5;
 mod npz;
 mod parquet;
-mod ros2;
 mod spool;
 
 use consumers::table::{Column, Kind, Table};
@@ -62,32 +59,6 @@ impl Excerpt {
     }
 }
 
-/// What an MCAP file says of the states in it.
-#[derive(Debug, Default)]
-struct Written {
-    states: u64,
-    /// Of the first and the last one.
-    steps: (u64, u64),
-}
-
-impl Written {
-    fn count(&mut self, frame: &Frame<'_>) {
-        let first = if self.states == 0 { frame.step } else { self.steps.0 };
-        self.steps = (first, frame.step);
-        self.states += 1;
-    }
-
-    fn about(&self, excerpt: &Excerpt) -> [(&'static str, String); 5] {
-        [
-            ("states", self.states.to_string()),
-            ("first_step", self.steps.0.to_string()),
-            ("last_step", self.steps.1.to_string()),
-            ("first_bead", excerpt.beads.start.to_string()),
-            ("bead_count", excerpt.beads.len().to_string()),
-        ]
-    }
-}
-
 /// A file in another format that is being written.
 pub trait Export {
     /// Takes the next state.
@@ -121,16 +92,6 @@ pub enum ExportError {
     /// The file could not be written, or not be given its name.
     #[error(transparent)]
     File(#[from] WholeFileError),
-    /// This program was built without the format.
-    #[error(
-        "this beadline was built without {format} (that of the Python package always is); with Rust from rustup.rs, `cargo install \
-         --git {} --features {format} beadline` installs one that has it",
-        env!("CARGO_PKG_REPOSITORY")
-    )]
-    NotBuilt {
-        /// The format.
-        format: Format,
-    },
     /// The same of an MCAP file.
     #[error(transparent)]
     Mcap(#[from] WriteError),
@@ -141,7 +102,6 @@ impl ExportError {
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
-            Self::NotBuilt { .. } => false,
             Self::Mcap(error) => error.is_in_the_way(),
         }
     }
@@ -156,17 +116,13 @@ pub enum Format {
     Csv,
     /// A table with a row for each state and lists of values for the beads.
     Parquet,
-    /// HDF5 in the layout of H5MD.
-    Hdf5,
     /// An MCAP file with Foxglove's messages.
     Foxglove,
-    /// An MCAP file with messages of ROS 2.
-    Ros2,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Npz, Self::Csv, Self::Parquet, Self::Hdf5, Self::Foxglove, Self::Ros2];
+    pub const ALL: [Self; 4] = [Self::Npz, Self::Csv, Self::Parquet, Self::Foxglove];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -174,9 +130,7 @@ impl Format {
             Self::Npz => "npz",
             Self::Csv => "csv",
             Self::Parquet => "parquet",
-            Self::Hdf5 => "hdf5",
             Self::Foxglove => "foxglove",
-            Self::Ros2 => "ros2",
         }
     }
 
@@ -186,25 +140,15 @@ impl Format {
             Self::Npz => &["npz"],
             Self::Csv => &["csv"],
             Self::Parquet => &["parquet"],
-            Self::Hdf5 => &["h5", "hdf5", "h5md"],
-            Self::Foxglove | Self::Ros2 => &[],
+            Self::Foxglove => &[],
         }
-    }
-
-    /// Looks whether this program has the format: a heavy one is a feature of the build.
-    ///
-    /// # Errors
-    /// [`ExportError::NotBuilt`].
-    pub fn check_built(self) -> Result<(), ExportError> {
-        let built = self != Self::Hdf5 || cfg!(feature = "hdf5");
-        if built { Ok(()) } else { Err(ExportError::NotBuilt { format: self }) }
     }
 
     /// Begins an export of `excerpt` to `path`. A file of that name, or what an export has left of one, is in the
     /// way unless `replace`.
     ///
     /// # Errors
-    /// When something is in the way, the file cannot be created, or this program has not the format.
+    /// When something is in the way, or the file cannot be created.
     pub fn begin(
         self,
         path: &Path,
@@ -215,12 +159,7 @@ impl Format {
             Self::Npz => Box::new(npz::Npz::create(path, excerpt, replace)?),
             Self::Csv => Box::new(csv::Csv::create(path, excerpt, replace)?),
             Self::Parquet => Box::new(parquet::Parquet::create(path, excerpt, replace)?),
-            #[cfg(not(feature = "hdf5"))]
-            Self::Hdf5 => return Err(ExportError::NotBuilt { format: self }),
-            #[cfg(feature = "hdf5")]
-            Self::Hdf5 => Box::new(hdf5::Hdf5::create(path, excerpt, replace)?),
             Self::Foxglove => Box::new(foxglove::Foxglove::create(path, excerpt, replace)?),
-            Self::Ros2 => Box::new(ros2::Ros2::create(path, excerpt, replace)?),
         })
     }
 }

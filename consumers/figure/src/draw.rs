@@ -2,11 +2,11 @@
 
 use super::layout::{LEADING, Layout, Look, Placed};
 use super::panel::{Along, Curve, Reference};
-use super::raster::Raster;
+use super::raster::{Cells, Raster};
+use super::sheet::{Anchor, Element, Pen, Rect, Sheet, Step};
 use super::style::{Colour, Ink, Mark};
-use super::svg::{Anchor, Pen, Rect, Svg, number};
 use super::text::{CAP_HEIGHT, width};
-use super::{Figure, FigureError, Size, decimate, legend, note};
+use super::{Figure, Size, decimate, legend, note};
 
 /// Bytes that all curves of a figure may take; with a raster of 0.4 MB a file stays below 1 MB.
 const CURVE_BYTES: usize = 500_000;
@@ -20,46 +20,46 @@ const BAND_OPACITY: f64 = 0.22;
 const INK: Colour = Colour::Rgb(0x26, 0x26, 0x26);
 const CAPTION: Colour = Colour::Rgb(0x6e, 0x6e, 0x6e);
 
-/// The figure as SVG; with `dots_per_point`, fitted to the dots of a device.
-pub(super) fn document(
-    figure: &Figure,
-    size: Size,
-    dots_per_point: Option<f64>,
-) -> Result<String, FigureError> {
+/// The figure on a sheet; with `dots_per_point`, fitted to the dots of a device.
+pub(super) fn document(figure: &Figure, size: Size, dots_per_point: Option<f64>) -> Sheet {
     let layout = Layout::new(figure, size, dots_per_point);
     let curves: usize = figure.panels.iter().map(|panel| panel.curves.len()).sum();
-    let mut svg = Svg::default();
+    let mut sheet = Sheet { width: layout.look.width, height: layout.height, ..Sheet::default() };
     for placed in &layout.panels {
-        let mut drawing =
-            Drawing { svg: &mut svg, look: &layout.look, placed, curve_bytes: CURVE_BYTES / curves.max(1) };
-        drawing.panel(dots_per_point)?;
+        let mut drawing = Drawing {
+            sheet: &mut sheet,
+            look: &layout.look,
+            placed,
+            curve_bytes: CURVE_BYTES / curves.max(1),
+        };
+        drawing.panel(dots_per_point);
     }
     let size = layout.look.caption;
     for (index, line) in layout.caption.iter().enumerate() {
         let baseline = layout.caption_y + (index as f64 + 0.5) * LEADING * size;
         let place = (0.5 * layout.look.label, baseline + 0.5 * CAP_HEIGHT * size);
-        svg.text(place, Anchor::Start, (size, CAPTION), line);
+        sheet.text(place, Anchor::Start, (size, CAPTION), line);
     }
-    Ok(svg.finish(layout.look.width, layout.height))
+    sheet
 }
 
 struct Drawing<'a> {
-    svg: &'a mut Svg,
+    sheet: &'a mut Sheet,
     look: &'a Look,
     placed: &'a Placed<'a>,
     curve_bytes: usize,
 }
 
 impl Drawing<'_> {
-    fn panel(&mut self, dots_per_point: Option<f64>) -> Result<(), FigureError> {
+    fn panel(&mut self, dots_per_point: Option<f64>) {
         let placed = self.placed;
-        legend::draw(self.svg, &placed.legend, placed.frame, self.look);
-        self.svg.begin_clip(placed.frame);
+        legend::draw(self.sheet, &placed.legend, placed.frame, self.look);
+        self.sheet.elements.push(Element::Clip(placed.frame));
         for band in placed.panel.references.iter().filter(|item| !item.is_line()) {
             self.band(band);
         }
         if let Some(raster) = &placed.panel.raster {
-            self.raster(raster, dots_per_point)?;
+            self.raster(raster, dots_per_point);
         }
         for line in placed.panel.references.iter().filter(|item| item.is_line()) {
             self.reference_line(line);
@@ -73,14 +73,13 @@ impl Drawing<'_> {
         for (curve, ink) in placed.panel.curves.iter().zip(placed.panel.inks()) {
             drawn.extend(self.curve(curve, ink));
         }
-        self.svg.end_clip();
+        self.sheet.elements.push(Element::EndClip);
         self.x_axis();
         self.y_axis();
-        self.colour_bar(dots_per_point)?;
+        self.colour_bar(dots_per_point);
         let pen = Pen::solid(INK, self.look.frame);
-        self.svg.outline(placed.frame, pen);
-        note::draw(self.svg, &placed.panel.note, placed.frame, &drawn, self.look);
-        Ok(())
+        self.sheet.outline(placed.frame, pen);
+        note::draw(self.sheet, &placed.panel.note, placed.frame, &drawn, self.look);
     }
 
     fn x(&self, value: f64) -> Option<f64> {
@@ -122,7 +121,7 @@ impl Drawing<'_> {
             Along::X => (rect.x, rect.width) = (start, length),
             Along::Y => (rect.y, rect.height) = (start, length),
         }
-        self.svg.fill(rect, Colour::LightGrey, 1.0);
+        self.sheet.fill(rect, Colour::LightGrey, 1.0);
     }
 
     fn reference_line(&mut self, line: &Reference) {
@@ -136,17 +135,15 @@ impl Drawing<'_> {
         if self.placed.panel.raster.is_some() {
             // On a raster of any colour the dashes need a ground.
             let ground = Pen::solid(Colour::White, pen.width);
-            self.svg.line(from, to, ground);
+            self.sheet.line(from, to, ground);
         }
-        self.svg.line(from, to, pen);
+        self.sheet.line(from, to, pen);
     }
 
-    fn raster(&mut self, raster: &Raster, dots_per_point: Option<f64>) -> Result<(), FigureError> {
-        let Some((rect, mirror)) = self.rect(raster.x, raster.y) else {
-            return Ok(());
-        };
+    fn raster(&mut self, raster: &Raster, dots_per_point: Option<f64>) {
+        let Some((rect, mirror)) = self.rect(raster.x, raster.y) else { return };
         if raster.is_empty() {
-            return Ok(());
+            return;
         }
         // A paper's worth of dots; `as` saturates.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -154,37 +151,32 @@ impl Drawing<'_> {
             let count = |length: f64| (length * dots).round() as u32;
             (count(rect.width), count(rect.height))
         });
-        let uri = raster.data_uri(mirror, dots)?;
-        self.svg.image(rect, &uri);
-        Ok(())
+        self.sheet.elements.push(Element::Image(rect, raster.cells(mirror, dots)));
     }
 
-    fn colour_bar(&mut self, dots_per_point: Option<f64>) -> Result<(), FigureError> {
+    fn colour_bar(&mut self, dots_per_point: Option<f64>) {
         let (look, placed) = (self.look, self.placed);
         let scale = placed.panel.raster.as_ref().and_then(|raster| raster.scale.as_ref());
-        let (Some(scale), Some(bar)) = (scale, &placed.bar) else {
-            return Ok(());
-        };
+        let (Some(scale), Some(bar)) = (scale, &placed.bar) else { return };
         let snap = |place: f64| dots_per_point.map_or(place, |dots| (place * dots).round() / dots);
         let left = snap(placed.frame.right() + look.bar_gap());
         let right = snap(left + look.bar_width());
         let rect = Rect { x: left, width: right - left, ..placed.frame };
-        self.svg.image(rect, &Raster::of_scale(scale)?.data_uri((false, true), None)?);
+        self.sheet.elements.push(Element::Image(rect, Cells::of_scale(scale)));
         let pen = Pen::solid(INK, look.frame);
-        self.svg.outline(rect, pen);
+        self.sheet.outline(rect, pen);
         for (fraction, label) in &bar.ticks.numbers {
             let y = rect.bottom() - fraction * rect.height;
-            self.svg.line((right, y), (right + look.tick_length(), y), pen);
+            self.sheet.line((right, y), (right + look.tick_length(), y), pen);
             let number = (right + look.tick_length() + look.number_gap(), y + 0.5 * CAP_HEIGHT * look.number);
-            self.svg.text(number, Anchor::Start, (look.number, INK), label);
+            self.sheet.text(number, Anchor::Start, (look.number, INK), label);
         }
         let numbers_end = placed.frame.right() + bar.numbers_end(look);
         for (index, line) in bar.label.iter().enumerate() {
             let baseline = numbers_end + (index as f64 + 1.0) * LEADING * look.label;
             let place = (baseline, rect.y + 0.5 * rect.height);
-            self.svg.text_upwards(place, (look.label, Colour::Black), line);
+            self.sheet.text_upwards(place, (look.label, Colour::Black), line);
         }
-        Ok(())
     }
 
     /// Draws a curve; gives back the places that its line passes and its markers mark.
@@ -196,21 +188,21 @@ impl Drawing<'_> {
             // on a raster of any colour a line needs a ground, which is drawn like it
             let has_ground = self.placed.panel.raster.is_some();
             let limit = self.curve_bytes / LINE_POINT_BYTES / (1 + usize::from(has_ground));
-            let mut path = String::new();
+            let mut path = Vec::new();
             for piece in places.split(Option::is_none) {
                 let piece: Vec<_> = piece.iter().copied().flatten().collect();
                 // Each piece gets its part of the limit.
                 let part = limit * piece.len() / places.len().max(1);
                 let piece = decimate::line(&piece, part);
-                path.push_str(&line_path(&piece));
+                path.extend(line_path(&piece));
                 drawn.push(piece);
             }
             let pen = self.look.curve_pen(ink, stroke);
             if has_ground && !path.is_empty() {
-                self.svg.path(&path, Pen::solid(Colour::White, pen.width + 0.8 * self.look.frame));
+                self.sheet.path(path.clone(), Pen::solid(Colour::White, pen.width + 0.8 * self.look.frame));
             }
             if !path.is_empty() {
-                self.svg.path(&path, pen);
+                self.sheet.path(path, pen);
             }
         }
         if let Some(mark) = ink.mark {
@@ -233,8 +225,13 @@ impl Drawing<'_> {
             // of a single x there is no area, but an extent
             match outline.as_slice() {
                 [] => {}
-                [top, bottom] => self.svg.line(*top, *bottom, Pen::solid(tint(colour), 2.0 * self.look.mark)),
-                outline => self.svg.tinted(&format!("{}z", line_path(outline)), colour, BAND_OPACITY),
+                [top, bottom] => {
+                    self.sheet.line(*top, *bottom, Pen::solid(tint(colour), 2.0 * self.look.mark));
+                }
+                outline => {
+                    let path = line_path(outline).chain([Step::Close]).collect();
+                    self.sheet.tinted(path, colour, BAND_OPACITY);
+                }
             }
         }
     }
@@ -246,9 +243,9 @@ impl Drawing<'_> {
             (frame.x - radius..=frame.right() + radius).contains(x)
                 && (frame.y - radius..=frame.bottom() + radius).contains(y)
         });
-        let path: String = visible.map(|place| mark.path(*place, radius)).collect();
+        let path: Vec<_> = visible.flat_map(|place| mark.path(*place, radius)).collect();
         if !path.is_empty() {
-            self.svg.area(&path, colour, 0.25 * radius);
+            self.sheet.area(path, colour, 0.25 * radius);
         }
     }
 
@@ -259,14 +256,14 @@ impl Drawing<'_> {
         let bottom = frame.bottom();
         for fraction in sparse(&placed.x_ticks.minor, frame.width, look) {
             let x = frame.x + fraction * frame.width;
-            self.svg.line((x, bottom), (x, bottom + 0.55 * look.tick_length()), pen);
+            self.sheet.line((x, bottom), (x, bottom + 0.55 * look.tick_length()), pen);
         }
         let below = bottom + look.tick_length() + look.number_gap() + CAP_HEIGHT * look.number;
         for (fraction, label) in &placed.x_ticks.major {
             let x = frame.x + fraction * frame.width;
-            self.svg.line((x, bottom), (x, bottom + look.tick_length()), pen);
+            self.sheet.line((x, bottom), (x, bottom + look.tick_length()), pen);
             if placed.has_x_text {
-                self.svg.text((x, below), Anchor::Middle, (look.number, INK), label);
+                self.sheet.text((x, below), Anchor::Middle, (look.number, INK), label);
             }
         }
         if !placed.has_x_text {
@@ -275,7 +272,7 @@ impl Drawing<'_> {
         for (index, line) in placed.x_label.iter().enumerate() {
             let baseline = below + (index as f64 + 1.0) * LEADING * look.label;
             let place = (frame.x + 0.5 * frame.width, baseline);
-            self.svg.text(place, Anchor::Middle, (look.label, Colour::Black), line);
+            self.sheet.text(place, Anchor::Middle, (look.label, Colour::Black), line);
         }
     }
 
@@ -285,14 +282,14 @@ impl Drawing<'_> {
         let pen = Pen::solid(INK, look.frame);
         for fraction in sparse(&placed.y_ticks.minor, frame.height, look) {
             let y = frame.bottom() - fraction * frame.height;
-            self.svg.line((frame.x, y), (frame.x - 0.55 * look.tick_length(), y), pen);
+            self.sheet.line((frame.x, y), (frame.x - 0.55 * look.tick_length(), y), pen);
         }
         let right = frame.x - look.tick_length() - look.number_gap();
         for (fraction, label) in &placed.y_ticks.major {
             let y = frame.bottom() - fraction * frame.height;
-            self.svg.line((frame.x, y), (frame.x - look.tick_length(), y), pen);
+            self.sheet.line((frame.x, y), (frame.x - look.tick_length(), y), pen);
             let place = (right, y + 0.5 * CAP_HEIGHT * look.number);
-            self.svg.text(place, Anchor::End, (look.number, INK), label);
+            self.sheet.text(place, Anchor::End, (look.number, INK), label);
         }
         // A label that was wrapped for a somewhat higher panel is made smaller.
         let widths = placed.y_label.iter().map(|line| width(line, look.label));
@@ -301,7 +298,7 @@ impl Drawing<'_> {
         for (above, line) in placed.y_label.iter().rev().enumerate() {
             let baseline = frame.x - placed.y_label_distance - above as f64 * LEADING * look.label;
             let place = (baseline, frame.y + 0.5 * frame.height);
-            self.svg.text_upwards(place, (size, Colour::Black), line);
+            self.sheet.text_upwards(place, (size, Colour::Black), line);
         }
     }
 }
@@ -321,16 +318,11 @@ fn tint(colour: Colour) -> Colour {
 }
 
 /// A line through places; a single one becomes a dot.
-fn line_path(places: &[(f64, f64)]) -> String {
-    let place = |(x, y): &(f64, f64)| format!("{} {}", number(*x), number(*y));
-    match places {
-        [] => String::new(),
-        [only] => format!("M{}h0", place(only)),
-        [first, rest @ ..] => {
-            let rest: Vec<String> = rest.iter().map(place).collect();
-            format!("M{}L{}", place(first), rest.join(" "))
-        }
-    }
+fn line_path(places: &[(f64, f64)]) -> impl Iterator<Item = Step> {
+    let begin = places.first().map(|&(x, y)| Step::Move(x, y));
+    // a line of no length has round ends
+    let rest = if places.len() == 1 { places } else { places.get(1..).unwrap_or_default() };
+    begin.into_iter().chain(rest.iter().map(|&(x, y)| Step::Line(x, y)))
 }
 
 #[cfg(test)]

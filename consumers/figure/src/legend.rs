@@ -2,8 +2,8 @@
 
 use super::layout::{LEADING, Look};
 use super::panel::Panel;
+use super::sheet::{Anchor, Pen, Rect, Sheet};
 use super::style::{Colour, Ink};
-use super::svg::{Anchor, Pen, Rect, Svg};
 use super::text::{CAP_HEIGHT, width, wrap};
 
 /// Lengths in units of the font's size: a piece of line, a square or marker, from these to the name, and
@@ -89,38 +89,38 @@ pub(super) fn height(rows: &[Row], size: f64) -> f64 {
 }
 
 /// Draws the rows above `frame`.
-pub(super) fn draw(svg: &mut Svg, rows: &[Row], frame: Rect, look: &Look) {
+pub(super) fn draw(sheet: &mut Sheet, rows: &[Row], frame: Rect, look: &Look) {
     let size = look.label;
     let top = frame.y - height(rows, size);
     for (index, row) in rows.iter().enumerate() {
         let middle = top + (index as f64 + 0.5) * LEADING * size;
         for entry in row {
             if let Some(swatch) = entry.swatch {
-                draw_swatch(svg, swatch, (frame.x + entry.x, middle), look);
+                draw_swatch(sheet, swatch, (frame.x + entry.x, middle), look);
             }
             let place = (frame.x + entry.name_x, middle + 0.5 * CAP_HEIGHT * size);
-            svg.text(place, Anchor::Start, (size, Colour::Black), &entry.name);
+            sheet.text(place, Anchor::Start, (size, Colour::Black), &entry.name);
         }
     }
 }
 
-fn draw_swatch(svg: &mut Svg, swatch: Swatch, (x, middle): (f64, f64), look: &Look) {
+fn draw_swatch(sheet: &mut Sheet, swatch: Swatch, (x, middle): (f64, f64), look: &Look) {
     let length = swatch.width() * look.label;
     let ends = ((x, middle), (x + length, middle));
     match swatch {
-        Swatch::Reference => svg.line(ends.0, ends.1, look.reference_pen()),
+        Swatch::Reference => sheet.line(ends.0, ends.1, look.reference_pen()),
         Swatch::Area(colour) => {
             let square = Rect { x, y: middle - 0.5 * length, width: length, height: length };
-            svg.fill(square, colour, 1.0);
-            svg.outline(square, Pen::solid(Colour::Grey, 0.7 * look.frame));
+            sheet.fill(square, colour, 1.0);
+            sheet.outline(square, Pen::solid(Colour::Grey, 0.7 * look.frame));
         }
         Swatch::Curve(ink) => {
             if let Some(stroke) = ink.stroke {
-                svg.line(ends.0, ends.1, look.curve_pen(ink, stroke));
+                sheet.line(ends.0, ends.1, look.curve_pen(ink, stroke));
             }
             if let Some(mark) = ink.mark {
                 let path = mark.path((x + 0.5 * length, middle), look.mark);
-                svg.area(&path, ink.colour, 0.25 * look.mark);
+                sheet.area(path, ink.colour, 0.25 * look.mark);
             }
         }
     }

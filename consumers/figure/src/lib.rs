@@ -50,6 +50,7 @@ mod pdf;
 mod picture;
 mod raster;
 mod scale;
+mod sheet;
 mod style;
 mod svg;
 mod text;
@@ -189,7 +190,7 @@ impl Figure {
     /// # Errors
     /// [`FigureError::Render`] where a raster cannot be encoded, which is a mistake of this module.
     pub fn to_svg(&self, size: Size) -> Result<String, FigureError> {
-        draw::document(self, size, None)
+        svg::document(&draw::document(self, size, None))
     }
 
     /// The figure as a PDF file's bytes, of one page: curves stay curves, the font goes along.
@@ -197,7 +198,7 @@ impl Figure {
     /// # Errors
     /// [`FigureError::Render`] where it cannot be written, which is a mistake of this module.
     pub fn to_pdf(&self, size: Size) -> Result<Vec<u8>, FigureError> {
-        pdf::pdf(&self.to_svg(size)?)
+        pdf::pdf(&draw::document(self, size, None))
     }
 
     /// The figure as a PNG file's bytes, with its physical size stated inside.
@@ -208,8 +209,7 @@ impl Figure {
         if !Options::DPI.contains(&options.dpi) {
             return Err(FigureError::Resolution { dpi: options.dpi });
         }
-        let document = draw::document(self, options.size, Some(options.dpi / 72.0))?;
-        picture::png(&document, options.dpi)
+        picture::png(&draw::document(self, options.size, Some(options.dpi / 72.0)), options.dpi)
     }
 
     /// Writes the figure to `path`, as SVG, PDF or PNG by the end of the name. The file appears whole or not

@@ -1,12 +1,12 @@
 //! A short text inside the axes, in the corner where it hides least.
 
 use super::layout::{LEADING, Look};
+use super::sheet::{Anchor, Rect, Sheet};
 use super::style::Colour;
-use super::svg::{Anchor, Rect, Svg};
 use super::text::{CAP_HEIGHT, width, wrap};
 
 /// Draws `note` into a corner of `frame` that the lines and dots of `drawn` avoid as far as possible.
-pub(super) fn draw(svg: &mut Svg, note: &str, frame: Rect, drawn: &[Vec<(f64, f64)>], look: &Look) {
+pub(super) fn draw(sheet: &mut Sheet, note: &str, frame: Rect, drawn: &[Vec<(f64, f64)>], look: &Look) {
     let size = 0.94 * look.label;
     let pad = 0.4 * size;
     let lines = wrap(note, size, 0.6 * frame.width);
@@ -30,11 +30,11 @@ pub(super) fn draw(svg: &mut Svg, note: &str, frame: Rect, drawn: &[Vec<(f64, f6
         }
     }
     let chosen = boxes[best];
-    svg.fill(chosen, Colour::White, 0.85);
+    sheet.fill(chosen, Colour::White, 0.85);
     for (index, line) in lines.iter().enumerate() {
         let middle = chosen.y + 0.5 * pad + (index as f64 + 0.5) * LEADING * size;
         let place = (chosen.x + pad, middle + 0.5 * CAP_HEIGHT * size);
-        svg.text(place, Anchor::Start, (size, Colour::Black), line);
+        sheet.text(place, Anchor::Start, (size, Colour::Black), line);
     }
 }
 

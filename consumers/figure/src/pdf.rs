@@ -1,8 +1,5 @@
 //! PDF files: curves stay curves, text is text in the bundled font, of which only the glyphs that are used go along,
-//! and rasters are the PNGs of the drawing, as they are.
-//!
-//! `usvg` reads the document as it does for PNG, so that both show the same. `svg2pdf` and `krilla-svg` would each bring
-//! another version of it along.
+//! and images keep their cells.
 
 mod font;
 
@@ -10,26 +7,34 @@ use std::collections::BTreeMap;
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use pdf_writer::types::{LineCapStyle, LineJoinStyle, Predictor};
-use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
-use resvg::tiny_skia::{self, PathSegment};
-use resvg::usvg::{self, Group, ImageKind, Node, Paint, Transform};
+use pdf_writer::types::{LineCapStyle, LineJoinStyle};
+use pdf_writer::{Content, Filter, Finish, Name, Pdf, Ref, Str, TextStr};
 use std::io::Write as _;
+use tiny_skia::PathSegment;
 
-use super::picture::failed;
-use super::{FigureError, picture};
+use super::FigureError;
+use super::picture::{self, failed};
+use super::raster::Cells;
+use super::sheet::{Element, Outline, Rect, Shape, Sheet, Text};
+use super::style::{Colour, Stroke};
 use font::Used;
 
-/// The document as a PDF of one page.
-pub(super) fn pdf(document: &str) -> Result<Vec<u8>, FigureError> {
-    // a point of the document is one of the page
-    let tree = picture::tree(document, 72.0)?;
-    let (width, height) = (tree.size().width(), tree.size().height());
-    let mut page =
-        Page { content: Content::new(), images: Vec::new(), opacities: BTreeMap::new(), used: Used::new() };
-    // y runs downwards in the document, upwards on the page
+/// The sheet as a PDF of one page.
+pub(super) fn pdf(drawn: &Sheet) -> Result<Vec<u8>, FigureError> {
+    // a point of the sheet is one of the page
+    #[expect(clippy::cast_possible_truncation, reason = "a length on paper")]
+    let (width, height) = (drawn.width as f32, drawn.height as f32);
+    let mut page = Page {
+        content: Content::new(),
+        images: Vec::new(),
+        opacities: BTreeMap::new(),
+        used: Used::default(),
+    };
+    // y runs downwards on the sheet, upwards on the page
     page.content.transform([1.0, 0.0, 0.0, -1.0, 0.0, height]);
-    page.group(tree.root())?;
+    for element in &drawn.elements {
+        page.element(element);
+    }
 
     let [catalog, pages, sheet, content, info, font] = [1, 2, 3, 4, 5, 6].map(Ref::new);
     let mut free = Ref::new(6 + font::OBJECTS);
@@ -38,7 +43,7 @@ pub(super) fn pdf(document: &str) -> Result<Vec<u8>, FigureError> {
     pdf.pages(pages).kids([sheet]).count(1);
     pdf.document_info(info).producer(TextStr("Beadline"));
     let mut writer = pdf.page(sheet);
-    writer.parent(pages).media_box(Rect::new(0.0, 0.0, width, height)).contents(content);
+    writer.parent(pages).media_box(pdf_writer::Rect::new(0.0, 0.0, width, height)).contents(content);
     let mut resources = writer.resources();
     resources.fonts().pair(FONT, font);
     let images: Vec<Ref> = page.images.iter().map(|_| free.bump()).collect();
@@ -57,8 +62,8 @@ pub(super) fn pdf(document: &str) -> Result<Vec<u8>, FigureError> {
     resources.finish();
     writer.finish();
     pdf.stream(content, &deflated(&page.content.finish())?).filter(Filter::FlateDecode);
-    for (image, id) in page.images.iter().zip(images) {
-        image.write(&mut pdf, id);
+    for (cells, id) in page.images.iter().zip(images) {
+        write_image(&mut pdf, id, cells)?;
     }
     font::write(&mut pdf, font, &page.used)?;
     Ok(pdf.finish())
@@ -77,45 +82,34 @@ fn deflated(bytes: &[u8]) -> Result<Vec<u8>, FigureError> {
 }
 
 /// A page in the making.
-struct Page {
+struct Page<'a> {
     content: Content,
-    images: Vec<Image>,
-    /// Opacities of areas in per cent, and what they are called.
+    images: Vec<&'a Cells>,
+    /// Opacities of areas in per cent, and their names.
     opacities: BTreeMap<u8, String>,
     used: Used,
 }
 
-impl Page {
-    fn group(&mut self, group: &Group) -> Result<(), FigureError> {
-        let clip = group.clip_path();
-        if let Some(clip) = clip {
-            self.content.save_state();
-            let place = group.abs_transform().pre_concat(clip.transform());
-            for node in clip.root().children() {
-                if let Node::Path(path) = node {
-                    self.outline(path.data(), place.pre_concat(path.abs_transform()));
-                }
+impl<'a> Page<'a> {
+    fn element(&mut self, element: &'a Element) {
+        match element {
+            Element::Shape(shape) => self.shape(shape),
+            Element::Text(text) => self.text(text),
+            Element::Image(rect, cells) => self.image(*rect, cells),
+            Element::Clip(rect) => {
+                self.content.save_state();
+                self.outline(&Outline::Rect(*rect));
+                self.content.clip_nonzero().end_path();
             }
-            self.content.clip_nonzero().end_path();
-        }
-        for node in group.children() {
-            match node {
-                Node::Group(inner) => self.group(inner)?,
-                Node::Path(path) if path.is_visible() => self.path(path),
-                Node::Image(image) if image.is_visible() => self.image(image)?,
-                Node::Text(text) => self.text(text),
-                Node::Path(_) | Node::Image(_) => {}
+            Element::EndClip => {
+                self.content.restore_state();
             }
         }
-        if clip.is_some() {
-            self.content.restore_state();
-        }
-        Ok(())
     }
 
-    /// The outline of a path; curves of second order become ones of third order.
-    fn outline(&mut self, path: &tiny_skia::Path, transform: Transform) {
-        let Some(path) = path.clone().transform(transform) else { return };
+    /// An outline; curves of second order become ones of third order.
+    fn outline(&mut self, outline: &Outline) {
+        let Some(path) = outline.path() else { return };
         let content = &mut self.content;
         let mut last = tiny_skia::Point::zero();
         for segment in path.segments() {
@@ -142,31 +136,28 @@ impl Page {
         }
     }
 
-    /// Figures have no transform that would change the width of a line.
-    fn path(&mut self, path: &usvg::Path) {
+    fn shape(&mut self, shape: &Shape) {
         self.content.save_state();
-        if let Some(fill) = path.fill() {
-            self.fill(fill);
+        if let Some((colour, opacity)) = shape.fill {
+            self.fill(colour, opacity);
         }
-        if let Some(stroke) = path.stroke() {
-            let [red, green, blue] = colour(stroke.paint());
-            self.content.set_stroke_rgb(red, green, blue).set_line_width(stroke.width().get());
-            self.content.set_line_cap(match stroke.linecap() {
-                usvg::LineCap::Butt => LineCapStyle::ButtCap,
-                usvg::LineCap::Round => LineCapStyle::RoundCap,
-                usvg::LineCap::Square => LineCapStyle::ProjectingSquareCap,
-            });
-            self.content.set_line_join(match stroke.linejoin() {
-                usvg::LineJoin::Round => LineJoinStyle::RoundJoin,
-                usvg::LineJoin::Bevel => LineJoinStyle::BevelJoin,
-                usvg::LineJoin::Miter | usvg::LineJoin::MiterClip => LineJoinStyle::MiterJoin,
-            });
-            if let Some(dashes) = stroke.dasharray() {
-                self.content.set_dash_pattern(dashes.iter().copied(), stroke.dashoffset());
+        if let Some(pen) = shape.pen {
+            let [red, green, blue] = parts(pen.colour);
+            #[expect(clippy::cast_possible_truncation, reason = "a length on paper")]
+            self.content.set_stroke_rgb(red, green, blue).set_line_width(pen.width as f32);
+            if shape.is_round() {
+                self.content.set_line_join(LineJoinStyle::RoundJoin);
+                if pen.stroke != Stroke::Dashed {
+                    self.content.set_line_cap(LineCapStyle::RoundCap);
+                }
+            }
+            if let Some(dashes) = pen.dashes() {
+                #[expect(clippy::cast_possible_truncation, reason = "lengths on paper")]
+                self.content.set_dash_pattern(dashes.map(|length| length as f32), 0.0);
             }
         }
-        self.outline(path.data(), path.abs_transform());
-        match (path.fill().is_some(), path.stroke().is_some()) {
+        self.outline(&shape.outline);
+        match (shape.fill.is_some(), shape.pen.is_some()) {
             (true, true) => self.content.fill_nonzero_and_stroke(),
             (true, false) => self.content.fill_nonzero(),
             (false, true) => self.content.stroke(),
@@ -175,117 +166,63 @@ impl Page {
         self.content.restore_state();
     }
 
-    fn fill(&mut self, fill: &usvg::Fill) {
-        let [red, green, blue] = colour(fill.paint());
+    fn fill(&mut self, colour: Colour, opacity: f64) {
+        let [red, green, blue] = parts(colour);
         self.content.set_fill_rgb(red, green, blue);
-        // 0 to 100
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let percent = (100.0 * fill.opacity().get()).round() as u8;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 100")]
+        let percent = (100.0 * opacity).round() as u8;
         if percent < 100 {
             let name = self.opacities.entry(percent).or_insert_with(|| format!("A{percent}"));
             self.content.set_parameters(Name(name.as_bytes()));
         }
     }
 
-    fn image(&mut self, image: &usvg::Image) -> Result<(), FigureError> {
-        let ImageKind::PNG(file) = image.kind() else { return Err(failed("a raster that is no PNG")) };
-        let index = self.images.len();
-        self.images.push(Image::of_png(file)?);
+    fn image(&mut self, rect: Rect, cells: &'a Cells) {
+        let name = image_name(self.images.len());
+        self.images.push(cells);
         // an image fills the unit square, its first row on top
-        let size = image.size();
-        let unit = Transform::from_row(size.width(), 0.0, 0.0, -size.height(), 0.0, size.height());
-        self.content.save_state().transform(matrix(image.abs_transform().pre_concat(unit)));
-        self.content.x_object(Name(image_name(index).as_bytes()));
-        self.content.restore_state();
-        Ok(())
+        let matrix = [rect.width, 0.0, 0.0, -rect.height, rect.x, rect.bottom()];
+        #[expect(clippy::cast_possible_truncation, reason = "a place on paper")]
+        self.content.save_state().transform(matrix.map(|part| part as f32));
+        self.content.x_object(Name(name.as_bytes())).restore_state();
     }
 
-    fn text(&mut self, text: &usvg::Text) {
-        for span in text.layouted().iter().filter(|span| span.visible) {
-            self.content.save_state();
-            if let Some(fill) = &span.fill {
-                self.fill(fill);
-            }
-            self.content.begin_text().set_font(FONT, 1.0);
-            for glyph in &span.positioned_glyphs {
-                let Ok(id) = u16::try_from(glyph.id.0) else { continue };
-                self.used.entry(id).or_insert_with(|| glyph.text.clone());
-                // a font's outline in units of which an em has so many
-                let em = Transform::from_scale(font::UNITS_PER_EM, font::UNITS_PER_EM);
-                let place = text.abs_transform().pre_concat(glyph.outline_transform()).pre_concat(em);
-                self.content.set_text_matrix(matrix(place)).show(Str(&id.to_be_bytes()));
-            }
-            self.content.end_text().restore_state();
+    fn text(&mut self, text: &Text) {
+        self.content.save_state();
+        self.fill(text.colour, 1.0);
+        self.content.begin_text().set_font(FONT, 1.0);
+        for (glyph, matrix) in text.glyphs() {
+            let id = self.used.id_of(glyph);
+            self.content.set_text_matrix(matrix).show(Str(&id.to_be_bytes()));
         }
+        self.content.end_text().restore_state();
     }
 }
 
-fn matrix(transform: Transform) -> [f32; 6] {
-    let Transform { sx, ky, kx, sy, tx, ty } = transform;
-    [sx, ky, kx, sy, tx, ty]
+/// Red, green and blue, from 0 to 1.
+fn parts(colour: Colour) -> [f32; 3] {
+    colour.rgb().map(|part| f32::from(part) / 255.0)
 }
 
-/// Figures have plain colours only.
-fn colour(paint: &Paint) -> [f32; 3] {
-    match paint {
-        Paint::Color(colour) => [colour.red, colour.green, colour.blue].map(|part| f32::from(part) / 255.0),
-        _ => [0.0; 3],
-    }
-}
-
-/// A PNG taken apart: a PDF holds the same rows, compressed in the same way.
-struct Image {
-    width: i32,
-    height: i32,
-    bits: i32,
-    /// 3 bytes a colour; none if the cells are colours themselves.
-    palette: Option<Vec<u8>>,
-    rows: Vec<u8>,
-}
-
-impl Image {
-    /// One that [`picture`] has encoded: not interlaced, in colours or with a palette.
-    fn of_png(file: &[u8]) -> Result<Self, FigureError> {
-        let mut image = Self { width: 0, height: 0, bits: 8, palette: None, rows: Vec::new() };
-        let mut rest = file.get(8..).unwrap_or_default();
-        while let Some((head, after)) = rest.split_first_chunk::<8>() {
-            let (length, kind) = head.split_at(4);
-            let length = usize::try_from(big_endian(length)).map_err(failed)?;
-            let data = after.get(..length).ok_or_else(|| failed("a PNG that is cut off"))?;
-            match kind {
-                b"IHDR" => {
-                    (image.width, image.height) = (big_endian(&data[..4]), big_endian(&data[4..8]));
-                    image.bits = i32::from(data[8]);
-                }
-                b"PLTE" => image.palette = Some(data.to_vec()),
-                b"IDAT" => image.rows.extend_from_slice(data),
-                _ => {}
-            }
-            rest = after.get(length + 4..).unwrap_or_default();
+/// Writes an image as object `id`, with as few bits a cell as its palette needs.
+fn write_image(pdf: &mut Pdf, id: Ref, cells: &Cells) -> Result<(), FigureError> {
+    let Cells { width, height, palette, bytes } = cells;
+    let bits = palette.as_ref().map_or(8, |palette| picture::bits_of(palette));
+    let rows = match palette {
+        Some(_) => deflated(&picture::packed(bytes, *width, bits))?,
+        None => deflated(bytes)?,
+    };
+    let side = |length: u32| i32::try_from(length).map_err(failed);
+    let mut object = pdf.image_xobject(id, &rows);
+    object.filter(Filter::FlateDecode);
+    object.width(side(*width)?).height(side(*height)?);
+    object.bits_per_component(i32::try_from(bits).map_err(failed)?);
+    match palette {
+        Some(palette) => {
+            let last = i32::try_from(palette.len() / 3).unwrap_or(1) - 1;
+            object.color_space().indexed(Name(b"DeviceRGB"), last, palette);
         }
-        Ok(image)
+        None => object.color_space().device_rgb(),
     }
-
-    fn write(&self, pdf: &mut Pdf, id: Ref) {
-        let mut object = pdf.image_xobject(id, &self.rows);
-        object.filter(Filter::FlateDecode);
-        object.width(self.width).height(self.height).bits_per_component(self.bits);
-        match &self.palette {
-            Some(palette) => {
-                let last = i32::try_from(palette.len() / 3).unwrap_or(1) - 1;
-                object.color_space().indexed(Name(b"DeviceRGB"), last, palette);
-            }
-            None => object.color_space().device_rgb(),
-        }
-        let colours = if self.palette.is_some() { 1 } else { 3 };
-        let mut rows = object.decode_parms();
-        rows.predictor(Predictor::PngOptimum)
-            .colors(colours)
-            .bits_per_component(self.bits)
-            .columns(self.width);
-    }
-}
-
-fn big_endian(bytes: &[u8]) -> i32 {
-    bytes.iter().fold(0, |number, byte| number << 8 | i32::from(*byte))
+    Ok(())
 }

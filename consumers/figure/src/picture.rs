@@ -1,41 +1,173 @@
-//! PNG files: rasters for embedding, and whole figures from their SVG.
-
-use std::sync::{Arc, OnceLock};
+//! PNG files: images for embedding, and whole sheets.
 
 use png::{BitDepth, ColorType, Compression, Encoder, PixelDimensions, Unit};
-use resvg::{tiny_skia, usvg};
+use skrifa::instance::{LocationRef, Size};
+use skrifa::outline::{DrawSettings, OutlinePen};
+use skrifa::{FontRef, GlyphId, MetadataProvider};
+use tiny_skia::{
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Mask, Paint, PathBuilder, Pixmap, PixmapPaint, Stroke,
+    StrokeDash, Transform,
+};
 
+use super::raster::Cells;
+use super::sheet::{Element, Outline, Pen, Rect, Shape, Sheet, Text};
+use super::style::{self, Colour};
 use super::{FigureError, text};
 
 pub(super) fn failed(reason: impl std::fmt::Display) -> FigureError {
     FigureError::Render { reason: reason.to_string() }
 }
 
-/// Reads a document of this module with the bundled font only.
-pub(super) fn tree(document: &str, dpi: f64) -> Result<usvg::Tree, FigureError> {
-    // At most 2400, which f32 holds exactly enough.
-    #[allow(clippy::cast_possible_truncation)]
-    let options = usvg::Options {
-        dpi: dpi as f32,
-        font_family: "Liberation Sans".to_owned(),
-        fontdb: fonts(),
-        ..usvg::Options::default()
-    };
-    usvg::Tree::from_str(document, &options).map_err(failed)
+/// Renders a sheet.
+pub(super) fn png(sheet: &Sheet, dpi: f64) -> Result<Vec<u8>, FigureError> {
+    let no_room = || failed("no room for the pixels");
+    let dots = |length: f64| (length * dpi / 72.0).round().max(1.0);
+    // a sheet of paper at 2400 dpi at most
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    let (width, height) = (dots(sheet.width) as u32, dots(sheet.height) as u32);
+    let mut pixels = Pixmap::new(width, height).ok_or_else(no_room)?;
+    pixels.fill(Color::WHITE);
+    #[expect(clippy::cast_possible_truncation, reason = "f32 holds it well enough")]
+    let to_dots = Transform::from_scale((dpi / 72.0) as f32, (dpi / 72.0) as f32);
+    let font = FontRef::new(text::FONT).map_err(failed)?;
+    let mut canvas = Canvas { pixels, to_dots, clip: None, font };
+    for element in &sheet.elements {
+        match element {
+            Element::Shape(shape) => canvas.shape(shape),
+            Element::Text(text) => canvas.text(text),
+            Element::Image(rect, cells) => canvas.image(*rect, cells),
+            Element::Clip(rect) => {
+                let mut mask = Mask::new(width, height).ok_or_else(no_room)?;
+                if let Some(path) = Outline::Rect(*rect).path() {
+                    mask.fill_path(&path, FillRule::Winding, true, to_dots);
+                }
+                canvas.clip = Some(mask);
+            }
+            Element::EndClip => canvas.clip = None,
+        }
+    }
+    let colours = canvas.pixels.pixels().iter();
+    let rgb: Vec<u8> = colours.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
+    encode_below(LARGEST_FILE, (width, height), &rgb, dpi)
 }
 
-/// Renders a document of this module.
-pub(super) fn png(document: &str, dpi: f64) -> Result<Vec<u8>, FigureError> {
-    let tree = tree(document, dpi)?;
-    let size = tree.size().to_int_size();
-    let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height())
-        .ok_or_else(|| failed("no room for the pixels"))?;
-    // The sheet may end within a dot.
-    pixels.fill(tiny_skia::Color::WHITE);
-    resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixels.as_mut());
-    let rgb: Vec<u8> =
-        pixels.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
-    encode_below(LARGEST_FILE, (size.width(), size.height()), &rgb, dpi)
+/// The dots of a sheet in the making.
+struct Canvas {
+    pixels: Pixmap,
+    to_dots: Transform,
+    clip: Option<Mask>,
+    font: FontRef<'static>,
+}
+
+impl Canvas {
+    fn shape(&mut self, shape: &Shape) {
+        let Some(path) = shape.outline.path() else { return };
+        if let Some((colour, opacity)) = shape.fill {
+            let paint = paint(colour, opacity);
+            self.pixels.fill_path(&path, &paint, FillRule::Winding, self.to_dots, self.clip.as_ref());
+        }
+        if let Some(pen) = shape.pen {
+            let stroke = stroke(&pen, shape.is_round());
+            self.pixels.stroke_path(
+                &path,
+                &paint(pen.colour, 1.0),
+                &stroke,
+                self.to_dots,
+                self.clip.as_ref(),
+            );
+        }
+    }
+
+    fn text(&mut self, text: &Text) {
+        let outlines = self.font.outline_glyphs();
+        let mut path = Outlines { path: PathBuilder::new(), matrix: Transform::identity() };
+        for (glyph, [sx, ky, kx, sy, tx, ty]) in text.glyphs() {
+            let em = 1.0 / text::UNITS_PER_EM;
+            path.matrix = Transform::from_row(sx * em, ky * em, kx * em, sy * em, tx, ty);
+            if let Some(outline) = outlines.get(GlyphId::from(glyph.id)) {
+                // an outline that cannot be drawn is that of a mistake in the font, which is a constant of this program
+                let _ =
+                    outline.draw(DrawSettings::unhinted(Size::unscaled(), LocationRef::default()), &mut path);
+            }
+        }
+        if let Some(path) = path.path.finish() {
+            let paint = paint(text.colour, 1.0);
+            self.pixels.fill_path(&path, &paint, FillRule::Winding, self.to_dots, self.clip.as_ref());
+        }
+    }
+
+    fn image(&mut self, rect: Rect, cells: &Cells) {
+        let Some(mut image) = Pixmap::new(cells.width, cells.height) else { return };
+        for (pixel, [red, green, blue]) in image.pixels_mut().iter_mut().zip(cells.rgb()) {
+            *pixel = tiny_skia::ColorU8::from_rgba(red, green, blue, 255).premultiply();
+        }
+        let scale = [rect.width / f64::from(cells.width), rect.height / f64::from(cells.height)];
+        #[expect(clippy::cast_possible_truncation, reason = "a place on paper")]
+        let [sx, sy, x, y] = [scale[0], scale[1], rect.x, rect.y].map(|length| length as f32);
+        let place = self.to_dots.pre_concat(Transform::from_row(sx, 0.0, 0.0, sy, x, y));
+        let sharp = PixmapPaint { quality: FilterQuality::Nearest, ..PixmapPaint::default() };
+        self.pixels.draw_pixmap(0, 0, image.as_ref(), &sharp, place, self.clip.as_ref());
+    }
+}
+
+fn paint(colour: Colour, opacity: f64) -> Paint<'static> {
+    let [red, green, blue] = colour.rgb();
+    let mut paint = Paint::default();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    paint.set_color_rgba8(red, green, blue, (255.0 * opacity).round() as u8);
+    paint
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a length on paper")]
+fn stroke(pen: &Pen, is_round: bool) -> Stroke {
+    let is_dashed = pen.stroke == style::Stroke::Dashed;
+    let dashes = pen.dashes().map(|dashes| dashes.map(|length| length as f32).to_vec());
+    Stroke {
+        width: pen.width as f32,
+        line_cap: if is_round && !is_dashed { LineCap::Round } else { LineCap::Butt },
+        line_join: if is_round { LineJoin::Round } else { LineJoin::Miter },
+        dash: dashes.and_then(|dashes| StrokeDash::new(dashes, 0.0)),
+        ..Stroke::default()
+    }
+}
+
+/// Outlines of glyphs on their way to the sheet.
+struct Outlines {
+    path: PathBuilder,
+    matrix: Transform,
+}
+
+impl Outlines {
+    fn place(&self, x: f32, y: f32) -> (f32, f32) {
+        let Transform { sx, ky, kx, sy, tx, ty } = self.matrix;
+        (sx * x + kx * y + tx, ky * x + sy * y + ty)
+    }
+}
+
+impl OutlinePen for Outlines {
+    fn move_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.place(x, y);
+        self.path.move_to(x, y);
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.place(x, y);
+        self.path.line_to(x, y);
+    }
+
+    fn quad_to(&mut self, by_x: f32, by_y: f32, x: f32, y: f32) {
+        let (by, to) = (self.place(by_x, by_y), self.place(x, y));
+        self.path.quad_to(by.0, by.1, to.0, to.1);
+    }
+
+    fn curve_to(&mut self, ax: f32, ay: f32, bx: f32, by: f32, x: f32, y: f32) {
+        let (a, b, to) = (self.place(ax, ay), self.place(bx, by), self.place(x, y));
+        self.path.cubic_to(a.0, a.1, b.0, b.1, to.0, to.1);
+    }
+
+    fn close(&mut self) {
+        self.path.close();
+    }
 }
 
 /// What a figure takes at most (bytes) if fewer colours are enough for that.
@@ -70,23 +202,41 @@ fn coarsened(part: u8, steps: u16) -> u8 {
     u8::try_from((step * 255 + steps / 2) / steps).unwrap_or(u8::MAX)
 }
 
-fn fonts() -> Arc<usvg::fontdb::Database> {
-    static FONTS: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
-    let load = || {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_data(text::FONT.to_vec());
-        Arc::new(fonts)
-    };
-    FONTS.get_or_init(load).clone()
+/// The cells as a PNG of one pixel a cell.
+pub(super) fn png_of(cells: &Cells) -> Result<Vec<u8>, FigureError> {
+    let Cells { width, height, palette, bytes } = cells;
+    match palette {
+        None => encode_rgb(*width, *height, bytes, None),
+        Some(palette) => {
+            let bits = bits_of(palette);
+            let depth =
+                [BitDepth::One, BitDepth::Two, BitDepth::Four, BitDepth::Eight][bits.ilog2() as usize];
+            let rows = packed(bytes, *width, bits);
+            encode((*width, *height), (ColorType::Indexed, depth), &rows, |encoder| {
+                encoder.set_palette(palette.clone());
+            })
+        }
+    }
+}
+
+/// The fewest bits that an index into `palette` (3 bytes a colour) takes.
+pub(super) fn bits_of(palette: &[u8]) -> usize {
+    match palette.len() / 3 {
+        0..=2 => 1,
+        3..=4 => 2,
+        5..=16 => 4,
+        _ => 8,
+    }
+}
+
+/// Rows of indices of so many bits each; a row begins a byte.
+pub(super) fn packed(indices: &[u8], width: u32, bits: usize) -> Vec<u8> {
+    let rows = indices.chunks(width.max(1) as usize);
+    rows.flat_map(|row| row.chunks(8 / bits).map(|cells| pack(cells, bits))).collect()
 }
 
 /// A PNG of `rgb`, of shape (`height`, `width`, 3); with `dpi` it states its physical size.
-pub(super) fn encode_rgb(
-    width: u32,
-    height: u32,
-    rgb: &[u8],
-    dpi: Option<f64>,
-) -> Result<Vec<u8>, FigureError> {
+fn encode_rgb(width: u32, height: u32, rgb: &[u8], dpi: Option<f64>) -> Result<Vec<u8>, FigureError> {
     encode((width, height), (ColorType::Rgb, BitDepth::Eight), rgb, |encoder| {
         if let Some(dpi) = dpi {
             // At most 94,488.
@@ -99,27 +249,6 @@ pub(super) fn encode_rgb(
             }));
         }
     })
-}
-
-/// A PNG of indices into `palette` (3 bytes a colour), of shape (`height`, `width`), with as few bits a
-/// cell as the palette needs.
-pub(super) fn encode_palette(
-    width: u32,
-    height: u32,
-    indices: &[u8],
-    palette: Vec<u8>,
-) -> Result<Vec<u8>, FigureError> {
-    let (depth, bits) = match palette.len() / 3 {
-        0..=2 => (BitDepth::One, 1),
-        3..=4 => (BitDepth::Two, 2),
-        5..=16 => (BitDepth::Four, 4),
-        _ => (BitDepth::Eight, 8),
-    };
-    let packed: Vec<u8> = indices
-        .chunks(width.max(1) as usize)
-        .flat_map(|row| row.chunks(8 / bits).map(|cells| pack(cells, bits)))
-        .collect();
-    encode((width, height), (ColorType::Indexed, depth), &packed, |encoder| encoder.set_palette(palette))
 }
 
 /// A PNG of bytes as they are, with what `particulars` says of it.
@@ -188,7 +317,8 @@ mod tests {
     fn packed_cells_come_back() {
         let palette = vec![0, 0, 0, 50, 50, 50, 100, 100, 100];
         let cells = [0, 1, 2, 2, 1, 2, 0, 1, 1, 0];
-        let file = encode_palette(5, 2, &cells, palette).expect("encodes");
+        let image = Cells { width: 5, height: 2, palette: Some(palette), bytes: cells.to_vec() };
+        let file = png_of(&image).expect("encodes");
         let (width, height, rgb) = decode(&file);
         assert_eq!((width, height), (5, 2));
         let reds: Vec<u8> = rgb.iter().map(|pixel| pixel[0] / 50).collect();

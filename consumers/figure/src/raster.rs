@@ -1,10 +1,8 @@
 //! Images of cells: classes with names and colours, or plain colours, spread over a range of x and y.
 
-use base64::Engine;
-
+use super::FigureError;
 use super::colour_scale::{ColourScale, diverging};
 use super::style::Colour;
-use super::{FigureError, picture};
 
 /// What cells without a number are called unless their maker names them.
 const NO_NUMBER: &str = "no frames";
@@ -19,7 +17,7 @@ const NO_NUMBER: &str = "no frames";
 pub struct Raster {
     width: u32,
     height: u32,
-    cells: Cells,
+    colours: Colours,
     /// What the bar beside it explains.
     pub(super) scale: Option<ColourScale>,
     pub(super) x: (f64, f64),
@@ -27,9 +25,41 @@ pub struct Raster {
 }
 
 #[derive(Debug, Clone)]
-enum Cells {
+enum Colours {
     Classes { cells: Vec<u8>, classes: Vec<(String, Colour)> },
     Rgb(Vec<u8>),
+}
+
+/// An image as it is drawn, row by row.
+#[derive(Debug)]
+pub(super) struct Cells {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// 3 bytes a colour; without it, the cells are colours themselves.
+    pub(super) palette: Option<Vec<u8>>,
+    /// A byte for each cell, or three.
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Cells {
+    /// The colours of `scale` from its upper end to its lower one, in one column.
+    pub(super) fn of_scale(scale: &ColourScale) -> Self {
+        const HEIGHT: u16 = 256;
+        let (low, high) = scale.shades();
+        let shade = |row: u16| low + (high - low) * f64::from(row) / f64::from(HEIGHT - 1);
+        let bytes = (0..HEIGHT).rev().flat_map(|row| diverging(shade(row)).rgb()).collect();
+        Self { width: 1, height: HEIGHT.into(), palette: None, bytes }
+    }
+
+    /// The colour of each cell.
+    pub(super) fn rgb(&self) -> impl Iterator<Item = [u8; 3]> {
+        let of_palette = self.palette.as_ref().map(|palette| palette.as_chunks::<3>().0);
+        let count = self.width as usize * self.height as usize;
+        (0..count).map(move |cell| match of_palette {
+            Some(palette) => palette[usize::from(self.bytes[cell])],
+            None => [0, 1, 2].map(|part| self.bytes[3 * cell + part]),
+        })
+    }
 }
 
 impl Raster {
@@ -55,7 +85,7 @@ impl Raster {
         }
         let classes = classes.iter().map(|(name, colour)| ((*name).to_owned(), *colour));
         let classes = classes.collect();
-        Ok(Self::new(width, height, Cells::Classes { cells, classes }))
+        Ok(Self::new(width, height, Colours::Classes { cells, classes }))
     }
 
     /// Cells of signed numbers, each in the colour that `scale` gives it, with a bar beside the axes: `values` has
@@ -85,12 +115,12 @@ impl Raster {
         if cells.contains(&NOTHING) {
             classes.push((NO_NUMBER.to_owned(), Colour::LightGrey));
         }
-        Ok(Self { scale: Some(scale), ..Self::new(width, height, Cells::Classes { cells, classes }) })
+        Ok(Self { scale: Some(scale), ..Self::new(width, height, Colours::Classes { cells, classes }) })
     }
 
     /// Names the cells of [`Raster::values`] that have no number, if there are any.
     pub fn nothing(mut self, name: &str) -> Self {
-        if let Cells::Classes { classes, .. } = &mut self.cells {
+        if let Colours::Classes { classes, .. } = &mut self.colours {
             classes
                 .iter_mut()
                 .filter(|(known, _)| known == NO_NUMBER)
@@ -105,19 +135,11 @@ impl Raster {
     /// [`FigureError::RasterLength`] where `rgb` is not `3 · width · height` long.
     pub fn rgb(width: u32, height: u32, rgb: Vec<u8>) -> Result<Self, FigureError> {
         check_length(width, height, 3, rgb.len())?;
-        Ok(Self::new(width, height, Cells::Rgb(rgb)))
+        Ok(Self::new(width, height, Colours::Rgb(rgb)))
     }
 
-    /// The colours of `scale` from its lower end to its upper one, in one column.
-    pub(super) fn of_scale(scale: &ColourScale) -> Result<Self, FigureError> {
-        const HEIGHT: u16 = 256;
-        let (low, high) = scale.shades();
-        let shade = |row: u16| low + (high - low) * f64::from(row) / f64::from(HEIGHT - 1);
-        Self::rgb(1, HEIGHT.into(), (0..HEIGHT).flat_map(|row| diverging(shade(row)).rgb()).collect())
-    }
-
-    fn new(width: u32, height: u32, cells: Cells) -> Self {
-        Self { width, height, cells, scale: None, x: (0.0, f64::from(width)), y: (0.0, f64::from(height)) }
+    fn new(width: u32, height: u32, colours: Colours) -> Self {
+        Self { width, height, colours, scale: None, x: (0.0, f64::from(width)), y: (0.0, f64::from(height)) }
     }
 
     /// Spreads the cells over these ranges of the axes: the first column begins at `x.0`, the first row
@@ -130,9 +152,9 @@ impl Raster {
 
     /// The names and colours for the legend.
     pub(super) fn named_classes(&self) -> impl Iterator<Item = (&str, Colour)> {
-        let classes = match &self.cells {
-            Cells::Classes { classes, .. } => classes.as_slice(),
-            Cells::Rgb(_) => &[],
+        let classes = match &self.colours {
+            Colours::Classes { classes, .. } => classes.as_slice(),
+            Colours::Rgb(_) => &[],
         };
         classes.iter().filter(|(name, _)| !name.is_empty()).map(|(name, colour)| (name.as_str(), *colour))
     }
@@ -141,31 +163,23 @@ impl Raster {
         self.width == 0 || self.height == 0
     }
 
-    /// The cells as a `data:` URI of a PNG, mirrored as the axes ask. With `dots`, the size on paper in
-    /// device dots, each dot gets the mean colour of what it covers, unless cells are many dots large.
-    pub(super) fn data_uri(
-        &self,
-        (mirror_x, mirror_y): (bool, bool),
-        dots: Option<(u32, u32)>,
-    ) -> Result<String, FigureError> {
-        let png = match (&self.cells, dots.filter(|dots| self.is_better_averaged(*dots))) {
+    /// The cells as they are drawn, mirrored as the axes ask. With `dots`, the size on paper in device dots, each dot gets
+    /// the mean colour of what it covers, unless cells are many dots large.
+    pub(super) fn cells(&self, mirror: (bool, bool), dots: Option<(u32, u32)>) -> Cells {
+        let (width, height) = (self.width, self.height);
+        match (&self.colours, dots.filter(|dots| self.is_better_averaged(*dots))) {
             (_, Some((width, height))) => {
-                let rgb = self.averaged(width, height);
-                let rgb = mirrored::<3>(&rgb, width, mirror_x, mirror_y);
-                picture::encode_rgb(width, height, &rgb, None)?
+                let bytes = mirrored::<3>(&self.averaged(width, height), width, mirror);
+                Cells { width, height, palette: None, bytes }
             }
-            (Cells::Classes { cells, classes }, None) => {
-                let cells = mirrored::<1>(cells, self.width, mirror_x, mirror_y);
+            (Colours::Classes { cells, classes }, None) => {
                 let palette = classes.iter().flat_map(|(_, colour)| colour.rgb()).collect();
-                picture::encode_palette(self.width, self.height, &cells, palette)?
+                Cells { width, height, palette: Some(palette), bytes: mirrored::<1>(cells, width, mirror) }
             }
-            (Cells::Rgb(rgb), None) => {
-                let rgb = mirrored::<3>(rgb, self.width, mirror_x, mirror_y);
-                picture::encode_rgb(self.width, self.height, &rgb, None)?
+            (Colours::Rgb(rgb), None) => {
+                Cells { width, height, palette: None, bytes: mirrored::<3>(rgb, width, mirror) }
             }
-        };
-        let text = base64::engine::general_purpose::STANDARD.encode(png);
-        Ok(format!("data:image/png;base64,{text}"))
+        }
     }
 
     /// Whether picking the nearest cell for each dot would lose cells or make them visibly uneven.
@@ -179,9 +193,9 @@ impl Raster {
     }
 
     fn colour_at(&self, cell: usize) -> [f64; 3] {
-        let [red, green, blue] = match &self.cells {
-            Cells::Classes { cells, classes } => classes[usize::from(cells[cell])].1.rgb(),
-            Cells::Rgb(rgb) => [rgb[3 * cell], rgb[3 * cell + 1], rgb[3 * cell + 2]],
+        let [red, green, blue] = match &self.colours {
+            Colours::Classes { cells, classes } => classes[usize::from(cells[cell])].1.rgb(),
+            Colours::Rgb(rgb) => [rgb[3 * cell], rgb[3 * cell + 1], rgb[3 * cell + 2]],
         };
         [red, green, blue].map(f64::from)
     }
@@ -230,7 +244,7 @@ fn shares(cell: u32, coarse: u32, fine: u32) -> Vec<(usize, f64)> {
 }
 
 /// Rows of `N`-byte cells with their columns, their rows, or both in reverse.
-fn mirrored<const N: usize>(bytes: &[u8], width: u32, mirror_x: bool, mirror_y: bool) -> Vec<u8> {
+fn mirrored<const N: usize>(bytes: &[u8], width: u32, (mirror_x, mirror_y): (bool, bool)) -> Vec<u8> {
     let mut rows: Vec<&[u8]> = bytes.chunks_exact((N * width as usize).max(1)).collect();
     if mirror_y {
         rows.reverse();
@@ -268,9 +282,9 @@ mod tests {
 
     #[test]
     fn mirrors_swap_columns_and_rows() {
-        assert_eq!(mirrored::<1>(b"abcdef", 3, true, false), b"cbafed");
-        assert_eq!(mirrored::<1>(b"abcdef", 3, false, true), b"defabc");
-        assert_eq!(mirrored::<3>(b"abcdef", 2, true, false), b"defabc");
+        assert_eq!(mirrored::<1>(b"abcdef", 3, (true, false)), b"cbafed");
+        assert_eq!(mirrored::<1>(b"abcdef", 3, (false, true)), b"defabc");
+        assert_eq!(mirrored::<3>(b"abcdef", 2, (true, false)), b"defabc");
     }
 
     #[test]
@@ -303,7 +317,8 @@ mod tests {
             (0..side * side).map(|index| Some(noise(u32::try_from(index).unwrap_or(0)))).collect();
         let side = u32::try_from(side).expect("small");
         let raster = Raster::values(side, side, &values, ColourScale::new("", -0.5, 0.5)).expect("fits");
-        assert!(raster.data_uri((false, false), None).expect("encodes").len() < 800_000);
+        let png = crate::picture::png_of(&raster.cells((false, false), None)).expect("encodes");
+        assert!(png.len() < 600_000, "{}", png.len());
     }
 
     #[test]
@@ -312,7 +327,7 @@ mod tests {
         let cells = (0..1_000_000).map(|index| u8::try_from(noise(index)).unwrap_or(0));
         let classes = [CLASSES[0], CLASSES[1], ("touching", Colour::Grey)];
         let raster = Raster::classes(1000, 1000, cells.collect(), &classes).expect("fits");
-        let uri = raster.data_uri((false, false), None).expect("encodes");
-        assert!(uri.len() < 400_000, "{}", uri.len());
+        let png = crate::picture::png_of(&raster.cells((false, false), None)).expect("encodes");
+        assert!(png.len() < 300_000, "{}", png.len());
     }
 }

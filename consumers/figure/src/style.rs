@@ -1,6 +1,6 @@
 //! Colours, strokes and markers, and how curves take them in turn.
 
-use super::svg::number;
+use super::sheet::Step;
 
 /// A colour of the figure's palette (Okabe and Ito), which colour-blind readers can tell apart.
 ///
@@ -96,13 +96,10 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// Its outline around a place, as a piece of an SVG path; shapes have about the same area, but for the cross.
-    pub(super) fn path(self, (x, y): (f64, f64), radius: f64) -> String {
+    /// Its outline around a place; shapes have about the same area, but for the cross.
+    pub(super) fn path(self, (x, y): (f64, f64), radius: f64) -> Vec<Step> {
         let corners: &[(f64, f64)] = match self {
-            Self::Circle => {
-                let [left, y, r, across] = [x - radius, y, radius, 2.0 * radius].map(number);
-                return format!("M{left} {y}a{r} {r} 0 1 0 {across} 0a{r} {r} 0 1 0 -{across} 0z");
-            }
+            Self::Circle => return vec![Step::Circle { x, y, radius }],
             Self::Square => &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
             Self::Triangle => &[(0.0, -1.3), (1.2, 0.8), (-1.2, 0.8)],
             Self::Diamond => &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
@@ -121,11 +118,13 @@ impl Mark {
                 (-0.3, -0.3),
             ],
         };
-        let place = |(right, down): &(f64, f64)| {
-            format!("{} {}", number(x + right * radius), number(y + down * radius))
-        };
-        let places: Vec<String> = corners.iter().map(place).collect();
-        format!("M{}z", places.join("L"))
+        let mut path = Vec::with_capacity(corners.len() + 1);
+        for (index, (right, down)) in corners.iter().enumerate() {
+            let (x, y) = (x + right * radius, y + down * radius);
+            path.push(if index == 0 { Step::Move(x, y) } else { Step::Line(x, y) });
+        }
+        path.push(Step::Close);
+        path
     }
 }
 

@@ -1,65 +1,16 @@
-//! The few SVG elements that figures are made of. Lengths are points (1/72 inch), y grows downwards.
+//! A sheet as SVG.
 
 use std::fmt::Write;
 
-use super::style::{Colour, Stroke};
-use super::text;
+use base64::Engine;
 
-/// A rectangle by its upper left corner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rect {
-    pub(super) x: f64,
-    pub(super) y: f64,
-    pub(super) width: f64,
-    pub(super) height: f64,
-}
-
-impl Rect {
-    pub(super) fn right(&self) -> f64 {
-        self.x + self.width
-    }
-
-    pub(super) fn bottom(&self) -> f64 {
-        self.y + self.height
-    }
-
-    /// As SVG writes it.
-    fn attributes(&self) -> String {
-        let [x, y, width, height] = [self.x, self.y, self.width, self.height].map(number);
-        format!(r#"x="{x}" y="{y}" width="{width}" height="{height}""#)
-    }
-}
-
-/// Where a text's position lies in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Anchor {
-    Start,
-    Middle,
-    End,
-}
-
-/// A pen: colour, width, gaps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Pen {
-    pub(super) colour: Colour,
-    pub(super) width: f64,
-    pub(super) stroke: Stroke,
-}
-
-impl Pen {
-    pub(super) fn solid(colour: Colour, width: f64) -> Self {
-        Self { colour, width, stroke: Stroke::Solid }
-    }
-}
-
-/// A document in the making.
-#[derive(Debug, Default)]
-pub(super) struct Svg {
-    body: String,
-}
+use super::FigureError;
+use super::sheet::{Anchor, Element, Outline, Pen, Rect, Shape, Sheet, Step, Text};
+use super::style::Stroke;
+use super::{picture, text};
 
 /// A coordinate with two decimals (7 µm), shortest form.
-pub(super) fn number(value: f64) -> String {
+fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     match text {
@@ -68,150 +19,134 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-impl Svg {
-    fn push(&mut self, element: std::fmt::Arguments<'_>) {
-        // Writing to a String cannot fail.
-        let _ = self.body.write_fmt(element);
-        self.body.push('\n');
+/// The whole document.
+pub(super) fn document(sheet: &Sheet) -> Result<String, FigureError> {
+    let mut body = String::new();
+    for element in &sheet.elements {
+        body += &written(element)?;
+        body.push('\n');
     }
+    Ok(format!(
+        concat!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" "#,
+            // Programs older than SVG 2 find images by xlink only.
+            r#"xmlns:xlink="http://www.w3.org/1999/xlink" width="{w}pt" height="{h}pt" "#,
+            r#"viewBox="0 0 {w} {h}" font-family="{family}" xml:space="preserve">"#,
+            "\n<rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{body}</svg>\n"
+        ),
+        w = number(sheet.width),
+        h = number(sheet.height),
+        family = text::FAMILIES,
+        body = body,
+    ))
+}
 
-    pub(super) fn text(
-        &mut self,
-        (x, y): (f64, f64),
-        anchor: Anchor,
-        (size, colour): (f64, Colour),
-        content: &str,
-    ) {
-        let place = format!(r#"x="{}" y="{}""#, number(x), number(y));
-        self.place_text(&place, anchor, (size, colour), content);
-    }
+fn written(element: &Element) -> Result<String, FigureError> {
+    Ok(match element {
+        Element::Shape(shape) => shape_element(shape),
+        Element::Text(text) => text_element(text),
+        Element::Image(rect, cells) => image_element(*rect, &picture::png_of(cells)?),
+        // Its id is made of the rectangle, so that two figures in one HTML page can share an id only where they mean the
+        // same.
+        Element::Clip(rect) => {
+            let id = [rect.x, rect.y, rect.width, rect.height].map(number).join("_");
+            let sides = attributes(*rect);
+            format!(r#"<clipPath id="clip_{id}"><rect {sides}/></clipPath><g clip-path="url(#clip_{id})">"#)
+        }
+        Element::EndClip => "</g>".to_owned(),
+    })
+}
 
-    /// Text that reads upwards; `(x, y)` is on its baseline.
-    pub(super) fn text_upwards(&mut self, (x, y): (f64, f64), (size, colour): (f64, Colour), content: &str) {
-        let place = format!(r#"transform="translate({} {}) rotate(-90)""#, number(x), number(y));
-        self.place_text(&place, Anchor::Middle, (size, colour), content);
-    }
+fn attributes(rect: Rect) -> String {
+    let [x, y, width, height] = [rect.x, rect.y, rect.width, rect.height].map(number);
+    format!(r#"x="{x}" y="{y}" width="{width}" height="{height}""#)
+}
 
-    fn place_text(&mut self, place: &str, anchor: Anchor, pen: (f64, Colour), content: &str) {
-        let anchor = match anchor {
-            Anchor::Start => "start",
-            Anchor::Middle => "middle",
-            Anchor::End => "end",
-        };
-        let (size, colour) = pen;
-        self.push(format_args!(
-            r#"<text {place} text-anchor="{anchor}" font-size="{}" fill="{}">{}</text>"#,
-            number(size),
-            colour.hex(),
-            text::spans(content, size)
-        ));
+fn shape_element(shape: &Shape) -> String {
+    let mut element = match &shape.outline {
+        Outline::Rect(rect) => format!("<rect {}", attributes(*rect)),
+        Outline::Line(from, to) => {
+            let [x1, y1, x2, y2] = [from.0, from.1, to.0, to.1].map(number);
+            format!(r#"<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}""#)
+        }
+        Outline::Path(steps) => format!(r#"<path d="{}""#, data(steps)),
+    };
+    // writing to a String cannot fail
+    let _ = match shape.fill {
+        Some((colour, 1.0)) => write!(element, r#" fill="{}""#, colour.hex()),
+        Some((colour, opacity)) => {
+            write!(element, r#" fill="{}" fill-opacity="{}""#, colour.hex(), number(opacity))
+        }
+        None if matches!(shape.outline, Outline::Line(..)) => Ok(()),
+        None => write!(element, r#" fill="none""#),
+    };
+    if let Some(pen) = shape.pen {
+        if shape.is_round() {
+            let cap = if pen.stroke == Stroke::Dashed { "butt" } else { "round" };
+            let _ = write!(element, r#" stroke-linejoin="round" stroke-linecap="{cap}""#);
+        }
+        element += &stroke(pen);
     }
-
-    /// A filled rectangle, `opacity` from 0 to 1.
-    pub(super) fn fill(&mut self, rect: Rect, colour: Colour, opacity: f64) {
-        self.push(format_args!(
-            r#"<rect {} fill="{}" fill-opacity="{}"/>"#,
-            rect.attributes(),
-            colour.hex(),
-            number(opacity)
-        ));
-    }
-
-    /// The outline of a rectangle.
-    pub(super) fn outline(&mut self, rect: Rect, pen: Pen) {
-        self.push(format_args!(r#"<rect {} fill="none" {}/>"#, rect.attributes(), stroke(pen)));
-    }
-
-    /// A drawn path; `path` as in SVG's `d`.
-    pub(super) fn path(&mut self, path: &str, pen: Pen) {
-        self.push(format_args!(
-            r#"<path d="{path}" fill="none" stroke-linejoin="round" stroke-linecap="{}" {}/>"#,
-            if pen.stroke == Stroke::Dashed { "butt" } else { "round" },
-            stroke(pen)
-        ));
-    }
-
-    /// A path with its inside filled and a hairline of white around, which keeps neighbours apart.
-    pub(super) fn area(&mut self, path: &str, colour: Colour, rim: f64) {
-        self.push(format_args!(
-            r##"<path d="{path}" fill="{}" stroke="#ffffff" stroke-width="{}"/>"##,
-            colour.hex(),
-            number(rim)
-        ));
-    }
-
-    /// The inside of a path, `opacity` from 0 to 1.
-    pub(super) fn tinted(&mut self, path: &str, colour: Colour, opacity: f64) {
-        let (fill, opacity) = (colour.hex(), number(opacity));
-        self.push(format_args!(r#"<path d="{path}" fill="{fill}" fill-opacity="{opacity}"/>"#));
-    }
-
-    pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64), pen: Pen) {
-        self.push(format_args!(
-            r#"<line x1="{}" y1="{}" x2="{}" y2="{}" {}/>"#,
-            number(from.0),
-            number(from.1),
-            number(to.0),
-            number(to.1),
-            stroke(pen)
-        ));
-    }
-
-    /// An image stretched over a rectangle, its cells kept as sharp squares.
-    pub(super) fn image(&mut self, rect: Rect, data_uri: &str) {
-        self.push(format_args!(
-            concat!(
-                r#"<image {} preserveAspectRatio="none" "#,
-                r#"image-rendering="optimizeSpeed" style="image-rendering:pixelated" xlink:href="{}"/>"#
-            ),
-            rect.attributes(),
-            data_uri
-        ));
-    }
-
-    /// What follows, up to [`Svg::end_clip`], is cut off outside of a rectangle. Its id is made of the
-    /// rectangle, so that two figures in one HTML page can share an id only where they mean the same.
-    pub(super) fn begin_clip(&mut self, rect: Rect) {
-        let id = [rect.x, rect.y, rect.width, rect.height].map(number).join("_");
-        let sides = rect.attributes();
-        self.push(format_args!(
-            r#"<clipPath id="clip_{id}"><rect {sides}/></clipPath><g clip-path="url(#clip_{id})">"#
-        ));
-    }
-
-    pub(super) fn end_clip(&mut self) {
-        self.push(format_args!("</g>"));
-    }
-
-    /// The whole document, in points, on white.
-    pub(super) fn finish(self, width: f64, height: f64) -> String {
-        let (width, height) = (number(width), number(height));
-        format!(
-            concat!(
-                r#"<svg xmlns="http://www.w3.org/2000/svg" "#,
-                // Programs older than SVG 2 find images by xlink only.
-                r#"xmlns:xlink="http://www.w3.org/1999/xlink" width="{w}pt" height="{h}pt" "#,
-                r#"viewBox="0 0 {w} {h}" font-family="{family}" xml:space="preserve">"#,
-                "\n<rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{body}</svg>\n"
-            ),
-            w = width,
-            h = height,
-            family = text::FAMILIES,
-            body = self.body
-        )
-    }
+    element + "/>"
 }
 
 fn stroke(pen: Pen) -> String {
-    let dashes = match pen.stroke {
-        Stroke::Solid => String::new(),
-        Stroke::Dashed => {
-            format!(r#" stroke-dasharray="{} {}""#, number(pen.width * 5.0), number(pen.width * 3.0))
-        }
-        // With round caps a dash of no length is a dot.
-        Stroke::Dotted => format!(r#" stroke-dasharray="0.01 {}""#, number(pen.width * 2.5)),
+    let colour = pen.colour.hex();
+    let dashes =
+        pen.dashes().map(|[dash, gap]| format!(r#" stroke-dasharray="{} {}""#, number(dash), number(gap)));
+    format!(r#" stroke="{colour}" stroke-width="{}"{}"#, number(pen.width), dashes.unwrap_or_default())
+}
+
+fn data(steps: &[Step]) -> String {
+    let mut data = String::new();
+    let mut in_line = false;
+    for step in steps {
+        // writing to a String cannot fail
+        let _ = match *step {
+            Step::Move(x, y) => write!(data, "M{} {}", number(x), number(y)),
+            Step::Line(x, y) => {
+                write!(data, "{}{} {}", if in_line { " " } else { "L" }, number(x), number(y))
+            }
+            Step::Circle { x, y, radius } => {
+                let [left, y, r, across] = [x - radius, y, radius, 2.0 * radius].map(number);
+                write!(data, "M{left} {y}a{r} {r} 0 1 0 {across} 0a{r} {r} 0 1 0 -{across} 0z")
+            }
+            Step::Close => write!(data, "z"),
+        };
+        in_line = matches!(step, Step::Line(..));
+    }
+    data
+}
+
+fn text_element(text: &Text) -> String {
+    let [x, y] = [text.place.0, text.place.1].map(number);
+    let place = if text.is_upwards {
+        format!(r#"transform="translate({x} {y}) rotate(-90)""#)
+    } else {
+        format!(r#"x="{x}" y="{y}""#)
     };
-    format!(r#"stroke="{}" stroke-width="{}"{dashes}"#, pen.colour.hex(), number(pen.width))
+    let anchor = match text.anchor {
+        Anchor::Start => "start",
+        Anchor::Middle => "middle",
+        Anchor::End => "end",
+    };
+    format!(
+        r#"<text {place} text-anchor="{anchor}" font-size="{}" fill="{}">{}</text>"#,
+        number(text.size),
+        text.colour.hex(),
+        text::spans(&text.content, text.size)
+    )
+}
+
+fn image_element(rect: Rect, png: &[u8]) -> String {
+    format!(
+        concat!(
+            r#"<image {} preserveAspectRatio="none" image-rendering="optimizeSpeed" "#,
+            r#"style="image-rendering:pixelated" xlink:href="data:image/png;base64,{}"/>"#
+        ),
+        attributes(rect),
+        base64::engine::general_purpose::STANDARD.encode(png)
+    )
 }
 
 #[cfg(test)]

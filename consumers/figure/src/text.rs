@@ -7,6 +7,8 @@ use skrifa::{FontRef, MetadataProvider};
 
 /// Liberation Sans: the metrics of Arial, with Greek and mathematical signs, under the SIL Open Font License.
 pub(super) const FONT: &[u8] = include_bytes!("../fonts/LiberationSans-Regular.ttf");
+/// Units in which its outlines are drawn.
+pub(super) const UNITS_PER_EM: f32 = 2048.0;
 /// Families by preference; the fallbacks have the same metrics.
 pub(super) const FAMILIES: &str = "Liberation Sans, Arial, Helvetica, sans-serif";
 /// Height of capitals and figures, in units of the font's size.
@@ -54,23 +56,51 @@ fn at_height(character: char) -> (Height, char) {
             return (height, plain);
         }
     }
+    // what XML 1.0 cannot hold is U+FFFD
+    let character = match character {
+        '\t' | '\n' | '\r' => ' ',
+        '\0'..='\u{1f}' | '\u{fffe}' | '\u{ffff}' => '\u{fffd}',
+        other => other,
+    };
     (Height::Base, character)
+}
+
+/// A character of a line, as it is drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Glyph {
+    /// Its number in the font.
+    pub(super) id: u16,
+    pub(super) character: char,
+    /// Its place in the line, from the beginning of the baseline; y grows downwards.
+    pub(super) x: f64,
+    pub(super) y: f64,
+    /// The font's size.
+    pub(super) size: f64,
+}
+
+/// Sets one line of text at `size`, and gives its width in the unit of `size`; kerning left out.
+pub(super) fn set(text: &str, size: f64) -> (Vec<Glyph>, f64) {
+    // The font is a constant of this program; a wide guess keeps layout safe if it ever fails to parse.
+    let Ok(font) = FontRef::new(FONT) else {
+        return (Vec::new(), text.chars().count() as f64 * size);
+    };
+    let metrics = font.glyph_metrics(Size::new(1.0), LocationRef::default());
+    let charmap = font.charmap();
+    let mut x = 0.0;
+    let glyphs = parse(text).into_iter().map(|(height, character)| {
+        let glyph = charmap.map(character).unwrap_or_default();
+        let own_size = if height == Height::Base { size } else { size * SMALL };
+        let id = u16::try_from(glyph.to_u32()).unwrap_or(0);
+        let placed = Glyph { id, character, x, y: offset(height, size), size: own_size };
+        x += metrics.advance_width(glyph).map_or(1.0, f64::from) * own_size;
+        placed
+    });
+    (glyphs.collect(), x)
 }
 
 /// Width of one line of text set at `size`, in the unit of `size`; kerning left out.
 pub(super) fn width(text: &str, size: f64) -> f64 {
-    // The font is a constant of this program; a wide guess keeps layout safe if it ever fails to parse.
-    let Ok(font) = FontRef::new(FONT) else {
-        return text.chars().count() as f64 * size;
-    };
-    let metrics = font.glyph_metrics(Size::new(1.0), LocationRef::default());
-    let charmap = font.charmap();
-    let ems = parse(text).into_iter().map(|(height, plain)| {
-        let advance =
-            charmap.map(plain).and_then(|glyph| metrics.advance_width(glyph)).map_or(1.0, f64::from);
-        if height == Height::Base { advance } else { advance * SMALL }
-    });
-    ems.sum::<f64>() * size
+    set(text, size).1
 }
 
 /// Breaks text into lines no wider than `limit`: at spaces, inside a word only where it is wider itself.
@@ -135,15 +165,13 @@ fn offset(height: Height, size: f64) -> f64 {
     }
 }
 
-/// One character as XML text; what XML 1.0 cannot hold becomes U+FFFD.
+/// One character as XML text.
 fn escape_char(character: char) -> String {
     match character {
         '&' => "&amp;".to_owned(),
         '<' => "&lt;".to_owned(),
         '>' => "&gt;".to_owned(),
         '"' => "&quot;".to_owned(),
-        '\t' | '\n' | '\r' => " ".to_owned(),
-        '\0'..='\u{1f}' | '\u{fffe}' | '\u{ffff}' => "\u{fffd}".to_owned(),
         other => other.to_string(),
     }
 }

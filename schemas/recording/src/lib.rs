@@ -42,12 +42,12 @@ pub use results::own_results::OwnResults;
 pub use results::recorded_rows::{RecordedRow, RecordedRows, RecordedValues};
 pub use write::channel_writer::{Compression, Finished, WriteOptions};
 pub use write::disk::{Disk, DiskWatch};
-pub use write::foreign::{ForeignChannel, ForeignSchema, ForeignTopic, ForeignWriter};
+pub use write::foreign::{ForeignChannel, ForeignTopic, ForeignWriter};
+pub use write::foxglove;
 pub use write::parts::{PartsWriter, Split, part_path};
 pub use write::scalars::Scalars;
 pub use write::space::SpaceNeeded;
 pub use write::writer::RecordingWriter;
-pub use write::{foxglove, ros2};
 
 /// Profile of our files in the MCAP header.
 pub const PROFILE: &str = "beadline";

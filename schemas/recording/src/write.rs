@@ -6,7 +6,6 @@ pub(crate) mod encode;
 pub(crate) mod foreign;
 pub mod foxglove;
 pub(crate) mod parts;
-pub mod ros2;
 pub(crate) mod scalars;
 pub(crate) mod schedule;
 pub(crate) mod space;

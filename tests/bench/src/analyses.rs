@@ -1,7 +1,8 @@
 //! The analyses, receiving apart, against copying the frame once.
 
 use super::recordings::Frames;
-use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use super::{Bench, Floor, Rounds, Row, timed};
+use crate::report::Report;
 use anyhow::Error;
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};
@@ -10,8 +11,8 @@ use schemas::frame::Frame;
 use std::hint::black_box;
 
 /// Energies, impurity and contacts of each frame.
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
-    let (frames, rounds) = (bench.frames(report)?, bench.rounds);
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
+    let (frames, rounds) = (bench.frames()?, bench.rounds);
     let manifest = frames.manifest();
     let split_bead = default_split_bead(manifest);
     report.row(row("energies of a frame", 2.3, frames, rounds, || {

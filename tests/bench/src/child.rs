@@ -3,78 +3,30 @@
 use anyhow::{Context as _, Error, anyhow};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::OnceLock;
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
-
-/// How this program is started, where that is not by the file that runs.
-static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
-
-/// Says how this program is started, if not by the file that runs.
-pub fn set_program(program: Option<Vec<OsString>>) {
-    if let Some(program) = program {
-        // a process is one program
-        let _ = PROGRAM.set(program);
-    }
-}
-
-fn this_program() -> Result<Command, Error> {
-    let Some([program, words @ ..]) = PROGRAM.get().map(Vec::as_slice) else {
-        return Ok(Command::new(std::env::current_exe().context("the program cannot find itself")?));
-    };
-    let mut command = Command::new(program);
-    command.args(words);
-    Ok(command)
-}
 
 /// A process of this program; killed when dropped. What it says is read when it is asked for, so it must not say more than
 /// a pipe holds before that.
-pub struct Process {
+pub(crate) struct Process {
     name: String,
     child: Child,
     out: BufReader<ChildStdout>,
 }
 
 impl Process {
-    /// Starts this program with these words.
-    ///
-    /// # Errors
-    /// When it cannot be started.
-    pub fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
+    /// Starts this program with these words: `beadline` and those of the command, or `part` and its own.
+    pub(crate) fn start<S: AsRef<OsStr>>(words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
         let words: Vec<_> = words.into_iter().map(|word| word.as_ref().to_owned()).collect();
-        let name = format!("`beadline {}`", words.join(OsStr::new(" ")).display());
-        Self::named(name, words)
-    }
-
-    /// The same by a name, which errors say.
-    ///
-    /// # Errors
-    /// When it cannot be started.
-    pub fn named<S: AsRef<OsStr>>(name: String, words: impl IntoIterator<Item = S>) -> Result<Self, Error> {
-        let mut command = this_program()?;
+        let name = format!("`{}`", words.join(OsStr::new(" ")).display());
+        let mut command = Command::new(std::env::current_exe().context("the bench cannot find itself")?);
         command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().with_context(|| format!("{name} cannot be started"))?;
         let out = child.stdout.take().ok_or_else(|| anyhow!("{name}: no stdout"))?;
         Ok(Self { name, child, out: BufReader::new(out) })
-    }
-
-    /// How it has ended, if it has.
-    ///
-    /// # Errors
-    /// When the operating system does not say.
-    pub fn ended(&mut self) -> Result<Option<ExitStatus>, Error> {
-        Ok(self.child.try_wait()?)
-    }
-
-    /// Asks it to end, if it still runs.
-    pub fn stop(&mut self) {
-        if let Ok(None) = self.ended() {
-            // it may have ended meanwhile
-            let _ = self.signal(Signal::TERM);
-        }
     }
 
     /// The next line that it says.
@@ -106,10 +58,7 @@ impl Process {
     }
 
     /// The same as JSON.
-    ///
-    /// # Errors
-    /// When it fails, or says something else.
-    pub fn finish_json(self) -> Result<Value, Error> {
+    pub(crate) fn finish_json(self) -> Result<Value, Error> {
         let unexpected = format!("{} gave no summary", self.name);
         serde_json::from_str(&self.finish()?).context(unexpected)
     }

@@ -1,7 +1,8 @@
 //! The dynamics: against a plain loop, and along the length of the chain.
 
-use super::{Audience, Bench, Floor, Rounds, Row};
+use super::{Bench, Floor, Rounds, Row};
 use crate::baseline::ScalarLoop;
+use crate::report::Report;
 use anyhow::Error;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
@@ -99,7 +100,7 @@ impl Moments {
 }
 
 /// A step against a plain loop, for two exponents, and along the length of the chain.
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     let rounds = bench.rounds;
     let run = Moments::of(&light_impurity(), STEPS)?;
     report.row(run.against_plain("velocity-Verlet step, no output", Arch::new(), 12.3, rounds)?)?;

@@ -1,7 +1,8 @@
 //! Memory of a producer and its consumers, along the length of the run and of the chain.
 
 use super::child::Process;
-use super::{Audience, Bench, Floor, Rounds};
+use super::{Bench, Floor, Rounds};
+use crate::report::Report;
 use anyhow::Error;
 use schemas::amounts::{bytes, count};
 use std::time::Duration;
@@ -25,7 +26,7 @@ const ANALYSES: [&str; 3] = ["energies", "impurity", "contacts"];
 /// How often a process is asked how much it has had.
 const LOOK: Duration = Duration::from_millis(5);
 
-pub(super) fn rows(_: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+pub(super) fn rows(_: &Bench, report: &mut Report) -> Result<(), Error> {
     let (long, short) = (Followed::run(BEADS, LONG)?, Followed::run(BEADS, SHORT)?);
     let what = [
         "producer's peak memory, 10,000,000 frames",
@@ -65,7 +66,7 @@ impl Followed {
     fn run(beads: u64, steps: u64) -> Result<Self, Error> {
         let name = format!("bench-{}", std::process::id());
         let words = format!(
-            "run --no-record --json --wait-for {} --preset homogeneous --name {name} --beads {beads} \
+            "beadline run --no-record --json --wait-for {} --preset homogeneous --name {name} --beads {beads} \
              --impurity {}=2e-3 --method velocity-verlet --dt {DT_S:e} --duration {:e}",
             ANALYSES.len(),
             beads / 2,
@@ -73,7 +74,8 @@ impl Followed {
         );
         let producer = Process::start(words.split_whitespace())?;
         let source = format!("live:{name}");
-        let [first, second, third] = ANALYSES.map(|analysis| Process::start([analysis, &source, "--json"]));
+        let [first, second, third] =
+            ANALYSES.map(|analysis| Process::start(["beadline", analysis, &source, "--json"]));
         let processes = [producer, first?, second?, third?];
         let mut peaks_bytes = [0; 4];
         let mut running = true;

@@ -1,6 +1,7 @@
-//! What other processes of the bench do: each does one thing, and says on stdout, through `say`, what came of it.
+//! Other processes of the bench: each does one thing, and says on stdout what came of it.
 
 use crate::bare_bus::{BareListener, BareSubscriber};
+use crate::report::print;
 use anyhow::{Error, anyhow};
 use bus::{AttachOptions, Bus, Delivery, LiveSource};
 use rustix::time::{ClockId, clock_gettime};
@@ -17,8 +18,19 @@ const SILENCE: Duration = Duration::from_secs(2);
 pub(super) const ATTACHED: &str = "attached";
 pub(super) const READY: &str = "ready";
 
-/// Prints a line at once.
-pub type Say<'a> = &'a mut dyn FnMut(&str) -> Result<(), Error>;
+/// Does the part that these words name.
+pub(crate) fn run(words: &[&str]) -> Result<(), Error> {
+    match *words {
+        ["sum", name, count] => sum_slices(name, count.parse()?),
+        ["listen", name] => listen(name),
+        ["receive", name] => receive(&name.parse().map_err(|error: String| anyhow!(error))?),
+        _ => Err(anyhow!("the bench has no part `{}`", words.join(" "))),
+    }
+}
+
+fn say(line: &str) -> Result<(), Error> {
+    print(format_args!("{line}\n"))
+}
 
 /// Nanoseconds of a clock that all processes share.
 pub(super) fn now_ns() -> Result<u64, Error> {
@@ -27,10 +39,7 @@ pub(super) fn now_ns() -> Result<u64, Error> {
 }
 
 /// Says the sum of `count` slices from a bare publisher.
-///
-/// # Errors
-/// When they do not come, or nobody listens.
-pub fn sum_slices(name: &str, count: u64, say: Say<'_>) -> Result<(), Error> {
+fn sum_slices(name: &str, count: u64) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let subscriber = BareSubscriber::create(&bus, name)?;
     say(ATTACHED)?;
@@ -57,10 +66,7 @@ fn sum(doubles: &[f64]) -> f64 {
 }
 
 /// Says when it was woken, each time.
-///
-/// # Errors
-/// When there is no event, or nobody listens.
-pub fn listen(name: &str, say: Say<'_>) -> Result<(), Error> {
+fn listen(name: &str) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let listener = BareListener::create(&bus, name)?;
     say(READY)?;
@@ -72,10 +78,7 @@ pub fn listen(name: &str, say: Say<'_>) -> Result<(), Error> {
 }
 
 /// Says when each frame of a run came.
-///
-/// # Errors
-/// When frames are lost, or nobody listens.
-pub fn receive(name: &RunName, say: Say<'_>) -> Result<(), Error> {
+fn receive(name: &RunName) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let mut source = LiveSource::attach(&bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;
     let mut times = String::new();

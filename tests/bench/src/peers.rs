@@ -4,7 +4,8 @@ mod inputs;
 mod piece;
 mod program;
 
-use super::{Audience, Bench, Floor, Ratio, Rounds, Row};
+use super::{Bench, Floor, Ratio, Rounds, Row};
+use crate::report::{Report, notice};
 use anyhow::Error;
 use piece::Piece;
 use program::{Outcome, Program};
@@ -47,8 +48,8 @@ const SERIES: [Series; 3] = [
 ];
 
 /// Every piece of the run against every program that is found.
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
-    let found: Vec<_> = Program::ALL.into_iter().filter(|program| is_there(*program, report)).collect();
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
+    let found: Vec<_> = Program::ALL.into_iter().filter(|program| is_there(*program)).collect();
     if found.is_empty() {
         return Ok(());
     }
@@ -73,11 +74,11 @@ pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error
 }
 
 /// Says which version was found, or what is missing.
-fn is_there(program: Program, report: &mut dyn Audience) -> bool {
+fn is_there(program: Program) -> bool {
     match program.version() {
-        Ok(version) => report.notice(&format!("measuring against {version}")),
+        Ok(version) => notice(&format!("measuring against {version}")),
         Err(missing) => {
-            report.notice(&format!("not measured: {missing}"));
+            notice(&format!("not measured: {missing}"));
             return false;
         }
     }

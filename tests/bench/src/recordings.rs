@@ -1,7 +1,8 @@
 //! Recording, reading and verifying, against mcap by itself and against simulating.
 
-use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use super::{Bench, Floor, Rounds, Row, timed};
 use crate::bare_mcap::{self, BareWriter};
+use crate::report::Report;
 use anyhow::{Error, anyhow};
 use consumers::energies::{Energies, default_split_bead};
 use producer::integrator::Integrator;
@@ -123,15 +124,15 @@ fn record(manifest: &RunManifest, path: &Path, every: u64) -> Result<(), Error> 
 }
 
 /// Recording, reading and verifying.
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
-    let (frames, rounds) = (bench.frames(report)?, bench.rounds);
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
+    let (frames, rounds) = (bench.frames()?, bench.rounds);
     writing(frames, rounds, report)?;
     reading(frames, rounds, report)?;
     recomputing(frames, rounds, report)
 }
 
 /// Recording every frame, with and without compression, and one in 100.
-fn writing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
+fn writing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Error> {
     let message =
         |(_, _, doubles): &(u64, u64, Vec<f64>)| doubles.iter().flat_map(|x| x.to_le_bytes()).collect();
     let messages: Vec<Vec<u8>> = frames.kept.iter().map(message).collect();
@@ -200,7 +201,7 @@ fn write_bare(
 }
 
 /// Reading a full log into an analysis, and verifying it, against mcap's reader with CRCs checked.
-fn reading(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
+fn reading(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Error> {
     let size = std::fs::metadata(&frames.full)?.len() as f64;
     let bare = || timed(|| Ok(black_box(bare_mcap::read_all(&frames.full)?)));
     let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
@@ -213,7 +214,7 @@ fn reading(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<()
 }
 
 /// Proving and reading a log of one frame in 100, against simulating the run once on one core.
-fn recomputing(frames: &Frames, rounds: u32, report: &mut dyn Audience) -> Result<(), Error> {
+fn recomputing(frames: &Frames, rounds: u32, report: &mut Report) -> Result<(), Error> {
     let simulating = || timed(|| simulate(&frames.manifest, |_| Ok(())));
     let row = |what, floor, read: fn(&Path) -> Result<(), Error>| -> Result<Row, Error> {
         let rounds = Rounds::alternate(rounds, || timed(|| read(&frames.sparse)), simulating)?;

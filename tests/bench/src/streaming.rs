@@ -5,8 +5,9 @@ mod latency;
 use super::child::Process;
 use super::part::{ATTACHED, READY};
 use super::recordings::{Frames, simulate};
-use super::{Audience, Bench, Floor, Rounds, Row, timed};
+use super::{Bench, Floor, Rounds, Row, timed};
 use crate::bare_bus::BarePublisher;
+use crate::report::Report;
 use anyhow::{Error, anyhow};
 use bus::{Bus, ConsumerEvent, PublishOptions, StatePublisher, WaitOutcome};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
@@ -23,8 +24,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// How long a consumer is watched that has nothing to do.
 const IDLE: Duration = Duration::from_secs(1);
 
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
-    let streams = Streams::new(bench.frames(report)?)?;
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
+    let streams = Streams::new(bench.frames()?)?;
     let rounds = bench.rounds;
     report.row(streams.nobody_attached(rounds)?)?;
     report.row(streams.stalled_consumer(rounds)?)?;
@@ -64,7 +65,7 @@ impl<'a> Streams<'a> {
     /// An analysis of the run, which is a process of its own.
     fn consumer(&self, analysis: &str, more: &[&str]) -> Result<Process, Error> {
         let source = format!("live:{}", self.name());
-        Process::start([analysis, &source, "--json"].iter().chain(more))
+        Process::start(["beadline", analysis, &source, "--json"].iter().chain(more))
     }
 
     /// A publisher that these analyses are ready for.
@@ -121,7 +122,7 @@ impl<'a> Streams<'a> {
     fn stream_bare(&self) -> Result<Duration, Error> {
         let (name, count) = (format!("bare-{}", self.name()), self.count().to_string());
         let publisher = BarePublisher::create(&self.bus, &name, self.manifest.frame_doubles())?;
-        let mut consumer = Process::start(["bench-part", "sum", &name, &count])?;
+        let mut consumer = Process::start(["part", "sum", &name, &count])?;
         consumer.expect(ATTACHED)?;
         publisher.connect()?;
         consumer.go_on()?;

@@ -1,7 +1,8 @@
 //! A grid of reflected energies on all cores against one, and what a point costs beside its dynamics.
 
 use super::child::Process;
-use super::{Audience, Bench, Floor, Rounds, timed};
+use super::{Bench, Floor, Rounds, timed};
+use crate::report::Report;
 use anyhow::Error;
 use consumers::energies::{Energies, default_split_bead};
 use consumers::pulses::Pulses;
@@ -30,7 +31,7 @@ time.duration_s = 0.01
 /// and the contact law.
 const GRID: &str = include_str!("../grid.toml");
 
-pub(super) fn rows(bench: &Bench, report: &mut dyn Audience) -> Result<(), Error> {
+pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     let directory = bench.directory.path();
     let file = directory.join("grid.toml");
     fs::write(&file, GRID)?;
@@ -89,6 +90,14 @@ fn sweep(file: &Path, out: &Path, workers: &str) -> Result<Duration, Error> {
     if out.exists() {
         fs::remove_dir_all(out)?;
     }
-    let words = ["sweep".as_ref(), file, "--out".as_ref(), out, "--jobs".as_ref(), workers.as_ref()];
+    let words = [
+        "beadline".as_ref(),
+        "sweep".as_ref(),
+        file,
+        "--out".as_ref(),
+        out,
+        "--jobs".as_ref(),
+        workers.as_ref(),
+    ];
     timed(|| Process::start(words)?.finish())
 }

@@ -4,28 +4,16 @@ use crate::error::WriteError;
 use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
 use mcap::records::Metadata;
 use schemas::manifest::RunManifest;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Metadata record that says which part of a run was exported.
 const EXPORT: &str = "beadline.export";
 
-/// Writes an MCAP file with channels of any kind, whole or not at all. It holds the manifest of the run
-/// like a recording, but is not one: our readers refuse it for its profile.
+/// Writes an MCAP file with channels of any protobuf messages, whole or not at all. It holds the manifest of the run
+/// like a recording, but is not one: it has no profile, for which our readers refuse it.
 pub struct ForeignWriter {
     file: ChannelWriter,
     messages: u64,
-}
-
-/// What describes the messages of a channel.
-#[derive(Debug, Clone, Copy)]
-pub struct ForeignSchema<'a> {
-    /// Name of the type.
-    pub name: &'a str,
-    /// How `text` is written, such as `protobuf` or `ros2msg`.
-    pub encoding: &'a str,
-    /// The definitions of the type and of the types that it needs.
-    pub text: &'a [u8],
 }
 
 /// A channel as its readers expect it.
@@ -33,12 +21,10 @@ pub struct ForeignSchema<'a> {
 pub struct ForeignTopic<'a> {
     /// Its name.
     pub topic: &'a str,
-    /// What describes its messages.
-    pub schema: ForeignSchema<'a>,
-    /// How messages are encoded, such as `protobuf` or `cdr`.
-    pub message_encoding: &'a str,
-    /// What else its readers want to know.
-    pub metadata: &'a [(&'a str, &'a str)],
+    /// Full name of its messages' type.
+    pub message: &'a str,
+    /// The set of descriptors of that type and of the types that it needs.
+    pub descriptor: &'a [u8],
 }
 
 /// A channel of a [`ForeignWriter`].
@@ -46,18 +32,13 @@ pub struct ForeignTopic<'a> {
 pub struct ForeignChannel(ChannelId);
 
 impl ForeignWriter {
-    /// Creates `<path>.partial` with the MCAP profile `profile` (or none: `""`) and the manifest.
+    /// Creates `<path>.partial` with the manifest.
     ///
     /// # Errors
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something other than a file has its name, or when the operating system refuses.
-    pub fn create(
-        path: &Path,
-        profile: &str,
-        manifest: &RunManifest,
-        options: &WriteOptions,
-    ) -> Result<Self, WriteError> {
-        let file = ChannelWriter::create_for(profile, path, manifest, None, None, options)?;
+    pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
+        let file = ChannelWriter::create_for("", path, manifest, None, None, options)?;
         Ok(Self { file, messages: 0 })
     }
 
@@ -66,11 +47,7 @@ impl ForeignWriter {
     /// # Errors
     /// When there are too many, or writing fails.
     pub fn add_channel(&mut self, topic: &ForeignTopic<'_>) -> Result<ForeignChannel, WriteError> {
-        let ForeignTopic { topic, schema, message_encoding, metadata } = *topic;
-        let schema = self.file.add_schema(schema.name, schema.encoding, schema.text)?;
-        let metadata: BTreeMap<_, _> =
-            metadata.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
-        self.file.define_channel(schema, topic, message_encoding, &metadata).map(ForeignChannel)
+        self.file.add_described(topic.topic, topic.message, topic.descriptor).map(ForeignChannel)
     }
 
     /// Writes a message about the simulated time `time_s`; `sequence` numbers those of its channel.
@@ -123,11 +100,8 @@ mod tests {
         let directory = tempfile::tempdir().expect("directory");
         let path = directory.path().join("test.mcap");
         let manifest = manifest();
-        let mut file =
-            ForeignWriter::create(&path, "ros2", &manifest, &WriteOptions::default()).expect("new");
-        let schema = ForeignSchema { name: "std_msgs/msg/String", encoding: "ros2msg", text: b"string data" };
-        let metadata = &[("offered_qos_profiles", "")];
-        let topic = ForeignTopic { topic: "/words", schema, message_encoding: "cdr", metadata };
+        let mut file = ForeignWriter::create(&path, &manifest, &WriteOptions::default()).expect("new");
+        let topic = ForeignTopic { topic: "/words", message: "words.Word", descriptor: b"described" };
         let channel = file.add_channel(&topic).expect("channel");
         file.write(channel, 7, 0.5, b"word").expect("written");
         file.finish(&[("states", "0".into())]).expect("finished");
@@ -138,9 +112,8 @@ mod tests {
         let [message] = &messages[..] else { panic!("{messages:?}") };
         assert_eq!((message.sequence, message.log_time, &message.data[..]), (7, 500_000_000, &b"word"[..]));
         let channel = &message.channel;
-        assert_eq!((channel.topic.as_str(), channel.message_encoding.as_str()), ("/words", "cdr"));
-        assert_eq!(channel.metadata.get("offered_qos_profiles").map(String::as_str), Some(""));
-        assert_eq!(channel.schema.as_ref().map(|schema| schema.name.as_str()), Some("std_msgs/msg/String"));
+        assert_eq!((channel.topic.as_str(), channel.message_encoding.as_str()), ("/words", "protobuf"));
+        assert_eq!(channel.schema.as_ref().map(|schema| schema.name.as_str()), Some("words.Word"));
         assert!(matches!(RecordingInfo::read(&path), Err(ReadError::NotBeadline { .. })));
     }
 
@@ -148,9 +121,8 @@ mod tests {
     fn nothing_is_left_of_a_foreign_file_that_was_not_finished() {
         let directory = tempfile::tempdir().expect("directory");
         let path = directory.path().join("test.mcap");
-        let mut file = ForeignWriter::create(&path, "", &manifest(), &WriteOptions::default()).expect("new");
-        let schema = ForeignSchema { name: "a", encoding: "protobuf", text: b"" };
-        let topic = ForeignTopic { topic: "/a", schema, message_encoding: "protobuf", metadata: &[] };
+        let mut file = ForeignWriter::create(&path, &manifest(), &WriteOptions::default()).expect("new");
+        let topic = ForeignTopic { topic: "/a", message: "a", descriptor: b"" };
         let channel = file.add_channel(&topic).expect("channel");
         file.write(channel, 0, 0.0, b"a").expect("written");
         drop(file);

@@ -1,6 +1,6 @@
 //! Messages that Foxglove, Lichtblick and Rerun draw by themselves.
 
-use crate::{ForeignSchema, ForeignTopic};
+use crate::ForeignTopic;
 use prost::Message;
 pub use prost_types::Timestamp;
 
@@ -17,23 +17,17 @@ pub use messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawIma
 
 /// A message with a channel of its own.
 pub trait FoxgloveMessage: Message {
-    /// Its full name, and the descriptor set that describes it.
-    const SCHEMA: ForeignSchema<'static>;
-
     /// The channel `topic` of such messages.
-    fn topic(topic: &str) -> ForeignTopic<'_> {
-        ForeignTopic { topic, schema: Self::SCHEMA, message_encoding: "protobuf", metadata: &[] }
-    }
+    fn topic(topic: &str) -> ForeignTopic<'_>;
 }
 
 macro_rules! described {
     ($($message:ident),*) => {$(
         impl FoxgloveMessage for $message {
-            const SCHEMA: ForeignSchema<'static> = ForeignSchema {
-                name: concat!("foxglove.", stringify!($message)),
-                encoding: "protobuf",
-                text: include_bytes!(concat!(env!("OUT_DIR"), "/", stringify!($message), ".binpb")),
-            };
+            fn topic(topic: &str) -> ForeignTopic<'_> {
+                let descriptor = include_bytes!(concat!(env!("OUT_DIR"), "/", stringify!($message), ".binpb"));
+                ForeignTopic { topic, message: concat!("foxglove.", stringify!($message)), descriptor }
+            }
         }
     )*};
 }

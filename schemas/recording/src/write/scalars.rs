@@ -2,7 +2,7 @@
 
 use crate::proto;
 use crate::write::encode;
-use crate::write::foreign::{ForeignSchema, ForeignTopic};
+use crate::write::foreign::ForeignTopic;
 use prost::Message;
 use schemas::frame::Frame;
 use schemas::summary::Summary;
@@ -17,20 +17,14 @@ impl Scalars {
     /// The channel of the summaries, as it is in recordings.
     pub const SUMMARY: ForeignTopic<'static> = ForeignTopic {
         topic: proto::SUMMARY.topic,
-        schema: ForeignSchema {
-            name: proto::SUMMARY.message,
-            encoding: "protobuf",
-            text: proto::SUMMARY_DESCRIPTOR,
-        },
-        message_encoding: "protobuf",
-        metadata: &[],
+        message: proto::SUMMARY.message,
+        descriptor: proto::SUMMARY_DESCRIPTOR,
     };
 
     /// The channel `topic` of the motion of one bead.
     pub fn motion_topic(topic: &str) -> ForeignTopic<'_> {
-        let text = include_bytes!(concat!(env!("OUT_DIR"), "/bead_motion.binpb"));
-        let schema = ForeignSchema { name: "beadline.v1.BeadMotion", encoding: "protobuf", text };
-        ForeignTopic { topic, schema, message_encoding: "protobuf", metadata: &[] }
+        let descriptor = include_bytes!(concat!(env!("OUT_DIR"), "/bead_motion.binpb"));
+        ForeignTopic { topic, message: "beadline.v1.BeadMotion", descriptor }
     }
 
     /// The message of the summary of `frame`.

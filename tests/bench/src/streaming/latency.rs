@@ -34,9 +34,9 @@ fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), 
     let event = format!("wake-{}", streams.name());
     let notifier = BareNotifier::create(&streams.bus, &event)?;
     let mut publisher = streams.publisher()?;
-    let receiver = Process::start(["bench-part", "receive", streams.name()])?;
+    let receiver = Process::start(["part", "receive", streams.name()])?;
     wait(&mut publisher, 1)?;
-    let mut listener = Process::start(["bench-part", "listen", &event])?;
+    let mut listener = Process::start(["part", "listen", &event])?;
     listener.expect(READY)?;
     let (mut frames_ns, mut wakes_ns) = (Vec::new(), Vec::new());
     let physics = &streams.manifest.physics;

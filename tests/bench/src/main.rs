@@ -1,41 +1,101 @@
 //! Measuring this machine: each figure beside its limit, alternately in one run, as ratios.
 //!
 //! The other sides are here, too: `baseline`, the loop that everybody writes first; `bare_bus` and `bare_mcap`, the
-//! same bytes through nothing but iceoryx2 and mcap; `peers`, other people's programs. Whoever runs a [`Bench`] is a program
-//! that has the commands of `beadline`: it is started again for what needs processes of their own ([`mod@part`]).
+//! same bytes through nothing but iceoryx2 and mcap; `peers`, other people's programs. Consumers and sweeps are processes of
+//! their own: the bench starts itself again, as the command `beadline` or as a [`part`].
 
 mod analyses;
 mod bare_bus;
 mod bare_mcap;
 mod baseline;
-pub mod child;
+mod child;
 mod dynamics;
 mod memory;
-pub mod part;
+mod part;
 mod peers;
 mod recordings;
+mod report;
 mod streaming;
 mod sweep;
 
 use anyhow::Error;
+use clap::Parser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use recordings::Frames;
+use report::Report;
 use serde::Serialize;
 use std::cell::OnceCell;
-use std::fmt::Write as _;
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
+/// Measures this machine: each figure beside its limit, as ratios
+#[derive(Debug, Parser)]
+#[command(
+    name = "beadline-bench",
+    after_help = "Both sides of a row are measured in turns; the ratio is the median over the rounds, with the least \
+        and the most.\nExit code 3: a ratio does not keep to its floor."
+)]
+struct Cli {
+    /// Measure one group only
+    #[arg(long, value_name = "GROUP", value_parser = PossibleValuesParser::new(GROUPS.map(|group| group.described())))]
+    only: Option<String>,
+    /// Times that each pair is measured
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    rounds: u32,
+    /// Print the table as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<_> = std::env::args_os().collect();
+    let words: Vec<_> = arguments.iter().filter_map(|word| word.to_str()).collect();
+    let done = match words[..] {
+        [_, "beadline", ..] => return ExitCode::from(beadline::command(&arguments[1..], None)),
+        [_, "part", ref words @ ..] => part::run(words).map(|()| true),
+        _ => bench(&Cli::parse()),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(3),
+        Err(error) => {
+            report::notice(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Measures the groups that are asked for; true if every row keeps to its floor.
+fn bench(asked: &Cli) -> Result<bool, Error> {
+    let bench = Bench::new(asked.rounds)?;
+    let mut report = Report::new(asked.json, asked.rounds);
+    for group in GROUPS.iter().filter(|group| asked.only.as_deref().is_none_or(|name| name == group.name)) {
+        report.begin(group)?;
+        (group.measure)(&bench, &mut report)?;
+    }
+    report.finish()?;
+    Ok(report.is_met())
+}
+
 /// Rows that belong together.
-pub struct Group {
+struct Group {
     /// One word.
-    pub name: &'static str,
+    name: &'static str,
     /// What it measures, for the help.
     about: &'static str,
-    measure: fn(&Bench, &mut dyn Audience) -> Result<(), Error>,
+    measure: fn(&Bench, &mut Report) -> Result<(), Error>,
+}
+
+impl Group {
+    /// Its name, with what the help says of it.
+    fn described(&self) -> PossibleValue {
+        PossibleValue::new(self.name).help(self.about)
+    }
 }
 
 /// Every group, in the order of the table.
-pub const GROUPS: [Group; 7] = [
+const GROUPS: [Group; 7] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
@@ -69,36 +129,8 @@ pub const GROUPS: [Group; 7] = [
     },
 ];
 
-/// The groups as the help lists them.
-pub fn list_of_groups() -> String {
-    let mut text = String::from("Groups:\n");
-    for group in &GROUPS {
-        // writing to a String cannot fail
-        let _ = writeln!(text, "  {:<12}{}", group.name, group.about);
-    }
-    text
-}
-
-/// Who hears of what is measured, as soon as it is.
-pub trait Audience: Send {
-    /// What comes now belongs to `group`.
-    ///
-    /// # Errors
-    /// When nobody listens any more.
-    fn begin(&mut self, group: &Group) -> Result<(), Error>;
-
-    /// A row is finished.
-    ///
-    /// # Errors
-    /// When nobody listens any more.
-    fn row(&mut self, row: Row) -> Result<(), Error>;
-
-    /// Something to know beside the rows.
-    fn notice(&mut self, text: &str);
-}
-
 /// What the groups share.
-pub struct Bench {
+struct Bench {
     rounds: u32,
     directory: TempDir,
     frames: OnceCell<Frames>,
@@ -106,28 +138,16 @@ pub struct Bench {
 
 impl Bench {
     /// A bench that measures each pair in so many rounds.
-    ///
-    /// # Errors
-    /// When there is no room for its files.
-    pub fn new(rounds: u32) -> Result<Self, Error> {
+    fn new(rounds: u32) -> Result<Self, Error> {
         Ok(Self { rounds, directory: tempfile::tempdir()?, frames: OnceCell::new() })
     }
 
-    /// Measures the rows of `group`.
-    ///
-    /// # Errors
-    /// When something cannot be measured, or nobody listens.
-    pub fn measure(&self, group: &Group, report: &mut dyn Audience) -> Result<(), Error> {
-        report.begin(group)?;
-        (group.measure)(self, report)
-    }
-
     /// The light-impurity run, recorded when a group first asks for it.
-    fn frames(&self, report: &mut dyn Audience) -> Result<&Frames, Error> {
+    fn frames(&self) -> Result<&Frames, Error> {
         if let Some(frames) = self.frames.get() {
             return Ok(frames);
         }
-        report.notice("recording the light-impurity run");
+        report::notice("recording the light-impurity run");
         let frames = Frames::record_in(self.directory.path())?;
         Ok(self.frames.get_or_init(|| frames))
     }
@@ -135,19 +155,19 @@ impl Bench {
 
 /// A ratio measured in several rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Ratio {
+struct Ratio {
     /// Of the rounds.
-    pub median: f64,
+    median: f64,
     /// The least of them.
-    pub least: f64,
+    least: f64,
     /// The most of them.
-    pub most: f64,
+    most: f64,
 }
 
 /// What a ratio has to be.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Floor {
+enum Floor {
     /// A speed in that of the other.
     AtLeast(f64),
     /// A time in that of the other.
@@ -158,29 +178,29 @@ pub enum Floor {
 
 /// One figure beside its limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+struct Row {
     /// What is measured.
-    pub what: &'static str,
+    what: &'static str,
     /// What it is measured against.
-    pub against: &'static str,
+    against: &'static str,
     /// What the ratio has to be.
-    pub floor: Floor,
+    floor: Floor,
     /// What it is.
-    pub ratio: Ratio,
+    ratio: Ratio,
     /// Our figure in a unit of its own, of the median round: of this machine today.
-    pub figure: String,
+    figure: String,
 }
 
 /// Times of the two sides of a row, one for each round.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Rounds {
-    pub(crate) ours_s: Vec<f64>,
-    pub(crate) theirs_s: Vec<f64>,
+struct Rounds {
+    ours_s: Vec<f64>,
+    theirs_s: Vec<f64>,
 }
 
 impl Row {
     /// Whether the median keeps to the floor.
-    pub fn is_met(&self) -> bool {
+    fn is_met(&self) -> bool {
         match self.floor {
             Floor::AtLeast(floor) => self.ratio.median >= floor,
             Floor::AtMost(floor) => self.ratio.median <= floor,
@@ -191,7 +211,7 @@ impl Row {
 
 impl Rounds {
     /// Measures both sides `count` times, in turns, after one turn that only warms up.
-    pub(crate) fn alternate(
+    fn alternate(
         count: u32,
         mut ours: impl FnMut() -> Result<Duration, Error>,
         mut theirs: impl FnMut() -> Result<Duration, Error>,
@@ -211,7 +231,7 @@ impl Rounds {
     }
 
     /// A row whose ratio is what its floor asks for.
-    pub(crate) fn row(&self, what: &'static str, against: &'static str, floor: Floor, figure: String) -> Row {
+    fn row(&self, what: &'static str, against: &'static str, floor: Floor, figure: String) -> Row {
         let ratio = if let Floor::AtMost(_) = floor { self.time() } else { self.speed() };
         Row { what, against, floor, ratio, figure }
     }
@@ -222,12 +242,12 @@ impl Rounds {
     }
 
     /// Our time in theirs.
-    pub(crate) fn time(&self) -> Ratio {
+    fn time(&self) -> Ratio {
         Ratio::of(self.ours_s.iter().zip(&self.theirs_s).map(|(ours, theirs)| ours / theirs))
     }
 
     /// The median of our times (s).
-    pub(crate) fn ours_s(&self) -> f64 {
+    fn ours_s(&self) -> f64 {
         Ratio::of(self.ours_s.iter().copied()).median
     }
 }
@@ -242,7 +262,7 @@ impl Ratio {
 }
 
 /// How long `work` takes.
-pub(crate) fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<Duration, Error> {
+fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<Duration, Error> {
     let start = Instant::now();
     work()?;
     Ok(start.elapsed())

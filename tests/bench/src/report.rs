@@ -1,10 +1,10 @@
 //! The table, as it grows.
 
-use crate::display;
-use anyhow::Error;
-use bench::{Audience, Floor, Group, Row};
+use crate::{Floor, Group, Row};
+use anyhow::{Context as _, Error};
 use serde::Serialize;
-use std::io::IsTerminal as _;
+use std::fmt::Display;
+use std::io::{self, IsTerminal as _, Write as _};
 
 /// Widths of the columns: rows are printed before the others are known.
 const WHAT: usize = 46;
@@ -12,7 +12,7 @@ const AGAINST: usize = 40;
 
 /// Prints rows when they are there, and remembers them.
 #[derive(Serialize)]
-pub(super) struct Report {
+pub(crate) struct Report {
     #[serde(skip)]
     json: bool,
     #[serde(skip)]
@@ -31,45 +31,53 @@ struct Measured {
 
 impl Report {
     /// An empty table; as JSON it is printed at its end only.
-    pub(super) fn new(json: bool, rounds: u32) -> Self {
+    pub(crate) fn new(json: bool, rounds: u32) -> Self {
         Self { json, group: "", rounds, rows: Vec::new() }
     }
 
     /// Whether every row keeps to its floor.
-    pub(super) fn is_met(&self) -> bool {
+    pub(crate) fn is_met(&self) -> bool {
         self.rows.iter().all(|row| row.met)
     }
 
     /// Ends the table.
-    pub(super) fn finish(&self) -> Result<(), Error> {
-        if self.json { display::print_json(&serde_json::to_value(self)?) } else { Ok(()) }
+    pub(crate) fn finish(&self) -> Result<(), Error> {
+        if self.json { print(format_args!("{}\n", serde_json::to_string_pretty(self)?)) } else { Ok(()) }
     }
-}
 
-impl Audience for Report {
-    fn begin(&mut self, group: &Group) -> Result<(), Error> {
+    /// Begins the rows of `group`.
+    pub(crate) fn begin(&mut self, group: &Group) -> Result<(), Error> {
         self.group = group.name;
         if self.json {
-            display::notice(format_args!("measuring {}", group.name));
+            notice(&format!("measuring {}", group.name));
             return Ok(());
         }
         let above = if self.rows.is_empty() { "" } else { "\n" };
-        display::print(format_args!("{above}{}\n", group.name))
+        print(format_args!("{above}{}\n", group.name))
     }
 
-    fn row(&mut self, row: Row) -> Result<(), Error> {
+    /// Takes a finished row.
+    pub(crate) fn row(&mut self, row: Row) -> Result<(), Error> {
         if !self.json {
-            display::print(line(&row))?;
+            print(line(&row))?;
         } else if std::io::stderr().is_terminal() {
-            display::notice(row.what);
+            notice(row.what);
         }
         self.rows.push(Measured { group: self.group, met: row.is_met(), row });
         Ok(())
     }
+}
 
-    fn notice(&mut self, text: &str) {
-        display::notice(text);
-    }
+/// Prints on stdout, at once.
+pub(crate) fn print(text: impl Display) -> Result<(), Error> {
+    let mut out = io::stdout().lock();
+    write!(out, "{text}").and_then(|()| out.flush()).context("results cannot be printed on stdout")
+}
+
+/// Prints something to know beside the rows on stderr.
+pub(crate) fn notice(text: &str) {
+    // a closed stderr is no reason to fail
+    let _ = writeln!(io::stderr(), "beadline-bench: {text}");
 }
 
 fn line(row: &Row) -> String {
