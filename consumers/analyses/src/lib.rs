@@ -73,6 +73,7 @@ pub fn add(offer: &'static Offer) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use consumers::analysis::{Meaning, Whereabouts};
 
     #[test]
     fn names_and_columns_are_there_once() {
@@ -94,6 +95,36 @@ mod tests {
                     "{setting:?}"
                 );
             }
+        }
+    }
+
+    /// A row of the table in `docs/CONFIGURATION.md`.
+    fn row(offer: &Offer) -> String {
+        let place = match &offer.place {
+            Whereabouts::Chain => String::new(),
+            Whereabouts::Of { allowed, .. } => (*allowed).to_owned(),
+            Whereabouts::Words(words) => format!("@{}, or none of them", words.join(", @")),
+        };
+        let number = |number: &Meaning| format!("`{}` ({})", number.name, number.meaning);
+        let numbers: Vec<String> = offer.numbers().iter().map(number).collect();
+        format!("| `{}` | {place} | {} |", offer.name, numbers.join(", "))
+    }
+
+    /// With `BEADLINE_RENEW_TABLES` set the table is made anew.
+    #[test]
+    fn the_documentation_has_the_table_of_the_list() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/CONFIGURATION.md");
+        let page = std::fs::read_to_string(path).expect("a page");
+        let head = "| analysis | place | numbers |\n|---|---|---|\n";
+        let (before, after) = page.split_once(head).expect("a table");
+        let found = after.split("\n\n").next().unwrap_or_default();
+        let made: Vec<String> = all().map(row).collect();
+        let made = made.join("\n");
+        if std::env::var_os("BEADLINE_RENEW_TABLES").is_some() {
+            let rest = &after[found.len()..];
+            std::fs::write(path, format!("{before}{head}{made}{rest}")).expect("disk");
+        } else {
+            assert_eq!(found, made, "BEADLINE_RENEW_TABLES=1 cargo test -p beadline-analyses makes it anew");
         }
     }
 }

@@ -241,21 +241,6 @@ mod tests {
         }
     }
 
-    /// CONFIGURATION names every number of every analysis; those of theories by the beginnings of their names.
-    #[test]
-    fn every_column_is_documented() {
-        let page = include_str!("../../../docs/CONFIGURATION.md");
-        for offer in all() {
-            let row = page.lines().find(|line| line.starts_with(&format!("| `{}` | ", offer.name)));
-            let row = row.unwrap_or_else(|| panic!("{} is not documented", offer.name));
-            for Meaning { name, .. } in offer.numbers() {
-                let name = name.strip_prefix("exact_").unwrap_or(name);
-                let name = name.strip_prefix("continuum_").unwrap_or(name);
-                assert!(row.contains(&format!("`{name}`")), "{name} of {} is not documented", offer.name);
-            }
-        }
-    }
-
     #[test]
     fn kinds_are_those_of_values() {
         assert!(
