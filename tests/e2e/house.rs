@@ -56,7 +56,6 @@ fn crates_use_what_the_architecture_says() {
     }
     only("tokio", &["beadline-page", "beadline-storage"]);
     only("object_store", &["beadline-storage"]);
-    only("nalgebra", &["beadline-waves"]);
     only("realfft", &["beadline-waves"]);
     only("rustfft", &["beadline-waves"]);
     only("ratatui", &["beadline", "beadline-screen"]);
