@@ -1,7 +1,7 @@
 //! A consumer of one's own: momentum and fastest bead of each frame, printed and published.
 //!
 //! `cargo run --example own_consumer -- SOURCE`, with `live`, `live:RUN` or a recording as SOURCE. What it publishes
-//! `beadline record` records as `/own/motion`. `docs/python/7-without-the-package.md` has the same in Python.
+//! `beadline record` records as `/own/motion`. `docs/python/4-live.md` has the same in Python.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "what this program is for")]
 
 use anyhow::{Result, ensure};

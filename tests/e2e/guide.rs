@@ -67,7 +67,7 @@ impl Reader<'_> {
         directories.extend(self.python.iter().filter_map(|python| python.parent()).map(Path::to_owned));
         directories.extend(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()));
         let path: OsString = std::env::join_paths(directories).unwrap();
-        command.env("PATH", path).env("HOME", self.place.path("")).env("BEADLINE_SOURCE", root());
+        command.env("PATH", path).env("HOME", self.place.path(""));
         command
     }
 

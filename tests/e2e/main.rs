@@ -47,7 +47,6 @@ mod plot;
 mod power;
 mod proven;
 mod pulses;
-mod python;
 mod recomputing;
 mod recording_live;
 mod recordings;

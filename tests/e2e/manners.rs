@@ -1,6 +1,6 @@
 //! Names, words and exit codes, as a person and a script meet them.
 
-use crate::harness::{Ended, Place, Running, python, wait_until};
+use crate::harness::{Ended, Place, Running, wait_until};
 use crate::recordings::in_a_namespace;
 use serde_json::Value;
 use std::fs;
@@ -514,30 +514,4 @@ fn shells_complete_presets_and_live_runs() {
         let script = place.run(&format!("completions {shell}")).exits(0).stdout();
         assert!(script.contains("ls --names") && script.contains("heavy-impurity"), "{shell}");
     }
-}
-
-/// `read_recording` says what is wrong with a file, and a recording is no tuple with methods of its own.
-#[test]
-fn python_is_told_what_is_wrong() {
-    let Some(python) = python() else { return };
-    let place = Place::new();
-    place.run(&format!("{SHORT} --name run")).exits(0);
-    let whole = fs::read(place.path("run.mcap")).unwrap();
-    fs::write(place.path("empty.mcap"), "").unwrap();
-    fs::write(place.path("short.mcap"), &whole[..40]).unwrap();
-    fs::write(place.path("text.mcap"), "something else, and long enough").unwrap();
-    let script = "from read_recording import read, states\n\
-        for name in ('empty', 'short', 'text'):\n    \
-            for reader in (read, lambda path: list(states(path))):\n        \
-                try:\n            reader(name + '.mcap')\n        \
-                except ValueError as error:\n            assert 'no recording of Beadline: ' in str(error) and len(str(error)) > 40, error\n        \
-                else:\n            raise SystemExit(name)\n\
-        run = read('run.mcap')\n\
-        assert len(run) == len(run.step) == len(run.u), len(run)\n\
-        assert not hasattr(run, 'count') and not hasattr(run, 'index')\n\
-        state = next(states('run.mcap'))\n\
-        assert not hasattr(state, 'count') and state.step == 0\n";
-    let mut command = place.foreign(python, ["-c", script]);
-    command.env("PYTHONPATH", Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/python"));
-    Running::start("python", command).wait().exits(0);
 }

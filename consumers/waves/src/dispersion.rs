@@ -1,7 +1,7 @@
 //! The dispersion relation of a periodic chain.
 
+use crate::eigen::{Eigen, Square};
 use crate::linear::{LinearChain, Resonator};
-use nalgebra::{Complex, DMatrix};
 use std::f64::consts::{PI, TAU};
 
 /// The unit that a chain repeats, but for impurities and ends.
@@ -61,36 +61,38 @@ impl UnitCell {
         let count = period + inner.len();
         let masses = self.mass_kg.iter().copied().chain(inner.iter().map(|(_, inner)| inner.mass_kg));
         let root_mass: Vec<f64> = masses.map(f64::sqrt).collect();
-        let mut springs = DMatrix::<Complex<f64>>::zeros(count, count);
+        // the real part, and the imaginary one beside it: a Hermitian matrix as a symmetric one, with each eigenvalue twice
+        let mut springs = Square::zeros(2 * count);
+        let mut add = |row: usize, column: usize, real: f64, imaginary: f64| {
+            let weight = 1.0 / (root_mass[row] * root_mass[column]);
+            *springs.at(row, column) += weight * real;
+            *springs.at(count + row, count + column) += weight * real;
+            *springs.at(row, count + column) -= weight * imaginary;
+            *springs.at(count + row, column) += weight * imaginary;
+        };
         for bead in 0..period {
             let k = self.contact_n_per_m[bead];
             let next = (bead + 1) % period;
-            springs[(bead, bead)] += k + self.on_site_n_per_m[bead];
-            springs[(next, next)] += k;
+            add(bead, bead, k + self.on_site_n_per_m[bead], 0.0);
+            add(next, next, k, 0.0);
             // the phase from one cell to the next
             let turn = if bead + 1 == period { q_rad * period as f64 } else { 0.0 };
-            springs[(bead, next)] -= Complex::from_polar(k, turn);
-            springs[(next, bead)] -= Complex::from_polar(k, -turn);
+            add(bead, next, -k * turn.cos(), -k * turn.sin());
+            add(next, bead, -k * turn.cos(), k * turn.sin());
         }
         for (index, (bead, inner)) in inner.iter().enumerate() {
             let (row, k) = (period + index, inner.stiffness_n_per_m);
-            springs[(*bead, *bead)] += k;
-            springs[(row, row)] += k;
-            springs[(*bead, row)] -= k;
-            springs[(row, *bead)] -= k;
+            add(*bead, *bead, k, 0.0);
+            add(row, row, k, 0.0);
+            add(*bead, row, -k, 0.0);
+            add(row, *bead, -k, 0.0);
         }
-        for row in 0..count {
-            for column in 0..count {
-                springs[(row, column)] /= root_mass[row] * root_mass[column];
-            }
-        }
-        let squares = springs.symmetric_eigenvalues();
+        // springs and masses are finite, and QL steps converge for what is
+        let squares = Eigen::of(springs).map(|found| found.values).unwrap_or_default();
         // rounding makes the zero of a translation one of this size
         let zero = 32.0 * f64::EPSILON * squares.iter().fold(0.0_f64, |largest, square| largest.max(*square));
         let frequency = |square: &f64| if *square > zero { square.sqrt() / TAU } else { 0.0 };
-        let mut found: Vec<f64> = squares.iter().map(frequency).collect();
-        found.sort_by(f64::total_cmp);
-        found
+        squares.iter().step_by(2).map(frequency).collect()
     }
 
     /// The bands, ascending. In a chain where each bead touches two others a band is monotonic in q, so that its

@@ -4,6 +4,7 @@
 //! Values come one frame at a time and memory is bounded by segments, never by the length of a run.
 
 pub mod dispersion;
+mod eigen;
 pub mod grid;
 pub mod linear;
 pub mod modes;

@@ -1,7 +1,7 @@
 //! The modes of a chain about its equilibrium.
 
+use crate::eigen::{Eigen, Square};
 use crate::linear::LinearChain;
-use nalgebra::{DMatrix, SymmetricEigen};
 use std::f64::consts::TAU;
 
 /// The modes of a linear chain, by ascending frequency.
@@ -11,8 +11,8 @@ use std::f64::consts::TAU;
 #[derive(Debug, Clone)]
 pub struct Modes {
     omega_rad_s: Vec<f64>,
-    /// A column for each mode, a row for each bead (and then each resonator), of unit length.
-    vectors: DMatrix<f64>,
+    /// A row for each mode, of unit length, with a number for each bead (and then each resonator).
+    vectors: Square,
     root_mass: Vec<f64>,
     beads: usize,
     /// The bead of each resonator, in the order of the rows.
@@ -71,54 +71,49 @@ impl Modes {
         let inner = carriers.iter().filter_map(|bead| chain.resonator(*bead));
         let masses = chain.mass_kg.iter().copied().chain(inner.map(|inner| inner.mass_kg));
         let root_mass: Vec<f64> = masses.map(f64::sqrt).collect();
-        let mut springs = DMatrix::<f64>::zeros(count, count);
+        let mut springs = Square::zeros(count);
         for bead in 0..beads {
-            springs[(bead, bead)] += chain.tied_n_per_m(bead);
+            *springs.at(bead, bead) += chain.tied_n_per_m(bead);
         }
         for (one, other, k) in chain.bonds() {
-            springs[(one, one)] += k;
-            springs[(other, other)] += k;
-            springs[(one, other)] -= k;
-            springs[(other, one)] -= k;
+            *springs.at(one, one) += k;
+            *springs.at(other, other) += k;
+            *springs.at(one, other) -= k;
+            *springs.at(other, one) -= k;
         }
         for (index, bead) in carriers.iter().enumerate() {
             let k = chain.resonator(*bead).map_or(0.0, |inner| inner.stiffness_n_per_m);
             let inner = beads + index;
-            springs[(inner, inner)] += k;
-            springs[(*bead, inner)] -= k;
-            springs[(inner, *bead)] -= k;
+            *springs.at(inner, inner) += k;
+            *springs.at(*bead, inner) -= k;
+            *springs.at(inner, *bead) -= k;
         }
         for row in 0..count {
             for column in 0..count {
-                springs[(row, column)] /= root_mass[row] * root_mass[column];
+                *springs.at(row, column) /= root_mass[row] * root_mass[column];
             }
         }
         Self::solved(springs, root_mass, beads, carriers)
     }
 
     fn solved(
-        matrix: DMatrix<f64>,
+        matrix: Square,
         root_mass: Vec<f64>,
         beads: usize,
         carriers: Vec<usize>,
     ) -> Result<Self, ModesError> {
-        let count = matrix.nrows();
-        let found = SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * count.max(10));
-        let found = found.ok_or(ModesError::NotFound)?;
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|a, b| found.eigenvalues[*a].total_cmp(&found.eigenvalues[*b]));
-        let largest = found.eigenvalues.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let count = matrix.count;
+        let Eigen { values, vectors } = Eigen::of(matrix).ok_or(ModesError::NotFound)?;
+        let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         // rounding makes the zero of a free translation one of this size
         let zero = largest * f64::EPSILON * 32.0 * count as f64;
         let mut omega_rad_s = Vec::with_capacity(count);
-        for (index, column) in order.iter().enumerate() {
-            let square = found.eigenvalues[*column];
+        for (index, square) in values.into_iter().enumerate() {
             if square < -zero {
                 return Err(ModesError::Unstable { mode: index + 1, rate_per_s: (-square).sqrt() });
             }
             omega_rad_s.push(if square > zero { square.sqrt() } else { 0.0 });
         }
-        let vectors = DMatrix::from_fn(count, count, |row, column| found.eigenvectors[(row, order[column])]);
         Ok(Self { omega_rad_s, vectors, root_mass, beads, carriers })
     }
 
@@ -139,8 +134,14 @@ impl Modes {
 
     /// Displacement of each bead in a mode, N values, the largest of them 1.
     pub fn shape(&self, mode: usize) -> Vec<f64> {
-        let shape: Vec<f64> =
-            (0..self.beads).map(|bead| self.vectors[(bead, mode)] / self.root_mass[bead]).collect();
+        let shape: Vec<f64> = self
+            .vectors
+            .row(mode)
+            .iter()
+            .zip(&self.root_mass)
+            .take(self.beads)
+            .map(|(part, root)| part / root)
+            .collect();
         let farthest = shape.iter().fold(0.0_f64, |far, u| if u.abs() > far.abs() { *u } else { far });
         if farthest == 0.0 {
             return shape;
@@ -150,7 +151,7 @@ impl Modes {
 
     /// The part of a mode's kinetic energy that is in each bead and its resonator together, N values.
     fn parts(&self, mode: usize) -> Vec<f64> {
-        let part = |row: usize| self.vectors[(row, mode)].powi(2);
+        let part = |row: usize| self.vectors.row(mode)[row].powi(2);
         let mut parts: Vec<f64> = (0..self.beads).map(part).collect();
         for (index, bead) in self.carriers.iter().enumerate() {
             parts[*bead] += part(self.beads + index);
@@ -173,9 +174,10 @@ impl Modes {
     /// Energy (J) in a mode, `½(ẏ² + ω²·y²)` of the state's part along it, for displacements (m) and velocities (m/s)
     /// of all beads and then resonators.
     pub fn energy_j(&self, mode: usize, u_m: &[f64], v_m_s: &[f64]) -> f64 {
-        let vector = self.vectors.column(mode);
         let (mut y, mut rate) = (0.0, 0.0);
-        for ((part, root_mass), (u, v)) in vector.iter().zip(&self.root_mass).zip(u_m.iter().zip(v_m_s)) {
+        for ((part, root_mass), (u, v)) in
+            self.vectors.row(mode).iter().zip(&self.root_mass).zip(u_m.iter().zip(v_m_s))
+        {
             let weight = part * root_mass;
             y += weight * u;
             rate += weight * v;

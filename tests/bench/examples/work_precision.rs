@@ -1,9 +1,9 @@
 //! How much work the methods take for how small an error, and what their default steps give.
 //!
 //! ```text
-//! cargo run --release --example work_precision -- figure docs/img    # work-precision.svg and .png, and the numbers
-//! cargo run --release --example work_precision -- defaults           # max|ΔE/E| at the default steps
-//! cargo run --release --example work_precision -- times              # the time of a step, against each other
+//! cargo run --release -p beadline-bench --example work_precision -- figure docs/img    # work-precision.svg and .png, and the numbers
+//! cargo run --release -p beadline-bench --example work_precision -- defaults           # max|ΔE/E| at the default steps
+//! cargo run --release -p beadline-bench --example work_precision -- times              # the time of a step, against each other
 //! ```
 #![expect(clippy::print_stdout, reason = "its results go to stdout")]
 

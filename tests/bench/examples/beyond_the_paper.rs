@@ -1,7 +1,7 @@
 //! Draws the figures of `docs/guide/examples.md`: what the dynamics does with loads, unequal beads and damping, and what
 //! theory says.
 //!
-//! `cargo run --example beyond_the_paper -- docs/img/examples`
+//! `cargo run -p beadline-bench --example beyond_the_paper -- docs/img/examples`
 
 use anyhow::Context;
 use figure::{Axis, Colour, Curve, Figure, Options, Panel, Stroke};

@@ -1,8 +1,8 @@
 //! What a sparse recording costs and what it gives back: the table of docs/guide/4-record.md.
 //!
 //! ```text
-//! cargo run --release --example recording_sizes              # the light-impurity run
-//! cargo run --release --example recording_sizes -- 0.01      # its first 10 ms
+//! cargo run --release -p beadline-bench --example recording_sizes              # the light-impurity run
+//! cargo run --release -p beadline-bench --example recording_sizes -- 0.01      # its first 10 ms
 //! ```
 #![expect(clippy::print_stdout, reason = "its results go to stdout")]
 
