@@ -3,7 +3,6 @@
 //! `ANALYSIS.COLUMN`, or `ANALYSIS.COLUMN@PLACE` where an analysis looks at one place. Numbers are those of the command of that
 //! name with its defaults.
 
-use crate::point::PointAnalyses;
 use analyses::{all, named};
 use consumers::analysis::{
     Analysis, Beginning, LastRow, Meaning, Number, Offer, Refusal, Settings, Whereabouts,
@@ -148,11 +147,15 @@ pub(crate) struct Measures {
 }
 
 impl Measures {
-    /// Begins to look at the run of `manifest`.
+    /// Begins to look at the run of `manifest`; somebody else looks at it for the analyses that are `standard`.
     ///
     /// # Errors
     /// The place in the list and what is wrong with it.
-    pub(crate) fn new(asked: &[String], manifest: &RunManifest) -> Result<Self, (usize, String)> {
+    pub(crate) fn new(
+        asked: &[String],
+        standard: &[&str],
+        manifest: &RunManifest,
+    ) -> Result<Self, (usize, String)> {
         let mut found: Vec<(&str, Option<&str>)> = Vec::new();
         let mut measures = Self::default();
         for (i, text) in asked.iter().enumerate() {
@@ -162,7 +165,7 @@ impl Measures {
             let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
             if at == found.len() {
                 found.push(key);
-                measures.looking.push(if PointAnalyses::STANDARD.contains(&measure.offer.name) {
+                measures.looking.push(if standard.contains(&measure.offer.name) {
                     Looking::Standard(measure.offer.name)
                 } else {
                     let analysis = measure.begin(manifest, false).map_err(wrong)?;
@@ -185,8 +188,13 @@ impl Measures {
         }
     }
 
-    /// Ends after the frame `last`: a value for each number. One that is not finite does not exist.
-    pub(crate) fn finish(mut self, last: &Frame<'_>, standard: &PointAnalyses) -> Vec<Cell> {
+    /// Ends after the frame `last`: a value for each number. One that is not finite does not exist. `standard` gives those of standard
+    /// analyses, by the analysis, the number and the word behind `@`.
+    pub(crate) fn finish(
+        mut self,
+        last: &Frame<'_>,
+        standard: impl Fn(&str, &str, Option<&str>) -> Option<Number>,
+    ) -> Vec<Cell> {
         for looking in &mut self.looking {
             let Looking::Beside { offer, analysis, last: row } = looking else { continue };
             if offer.needs.last_frame_only {
@@ -197,7 +205,7 @@ impl Measures {
         }
         let value = |(at, name, word): &(usize, &str, Option<String>)| -> Option<Number> {
             match &self.looking[*at] {
-                Looking::Standard(analysis) => standard.value(analysis, name, word.as_deref()),
+                Looking::Standard(analysis) => standard(analysis, name, word.as_deref()),
                 Looking::Beside { offer, analysis, last } => {
                     last.value(offer, &**analysis, name, word.as_deref())
                 }

@@ -27,7 +27,7 @@ pub(crate) struct PointAnalyses {
 
 impl PointAnalyses {
     /// The analyses that every sweep has.
-    pub(crate) const STANDARD: [&str; 2] = ["energies", "pulses"];
+    const STANDARD: [&str; 2] = ["energies", "pulses"];
 
     /// Begins to look at the run of `manifest`, also for the numbers of other analyses that are `asked` for.
     ///
@@ -48,7 +48,7 @@ impl PointAnalyses {
             energies: EnergyAnalysis::begin(&beginning).map_err(|refusal| (0, refusal.to_string()))?,
             pulses: PulseAnalysis::new(&beginning),
             leading: [Direction::Forward, Direction::Backward].map(Leading::new),
-            measures: Measures::new(asked, manifest)?,
+            measures: Measures::new(asked, &Self::STANDARD, manifest)?,
             state: Vec::new(),
             step: 0,
         })
@@ -65,7 +65,7 @@ impl PointAnalyses {
     }
 
     /// A number of one of [`Self::STANDARD`].
-    pub(crate) fn value(&self, analysis: &str, name: &str, word: Option<&str>) -> Option<Number> {
+    fn value(&self, analysis: &str, name: &str, word: Option<&str>) -> Option<Number> {
         if analysis == Self::STANDARD[0] {
             self.energies.value(name, word)
         } else {
@@ -90,7 +90,7 @@ impl PointAnalyses {
     /// The values that the sweep asks for, after [`Self::finish`].
     pub(crate) fn measured(&mut self, manifest: &RunManifest) -> Vec<Cell> {
         let measures = std::mem::take(&mut self.measures);
-        measures.finish(&self.last_frame(manifest), self)
+        measures.finish(&self.last_frame(manifest), |analysis, name, word| self.value(analysis, name, word))
     }
 
     /// The front of the last state.
