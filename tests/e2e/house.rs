@@ -3,4 +3,5 @@
 mod architecture;
 mod circles;
 mod counts;
+mod skipping;
 mod source;

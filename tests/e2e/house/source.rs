@@ -63,15 +63,27 @@ impl Source {
         lines.filter(|line| !line.is_empty() && !line.starts_with("//"))
     }
 
-    /// Name and length of each function, from its first line to its last.
-    pub(super) fn functions(&self) -> impl Iterator<Item = (&str, usize)> {
+    /// Each function: its name, the place of its first line, and its lines.
+    pub(super) fn functions(&self) -> impl Iterator<Item = (&str, usize, &[String])> {
         self.lines.iter().enumerate().filter_map(|(at, line)| {
-            let (head, _) = line.split_once('(').filter(|_| !line.trim_start().starts_with("//"))?;
-            let name = head.split_whitespace().skip_while(|word| *word != "fn").nth(1)?;
-            let end = |last: &&String| indent(last) == indent(line) && last.ends_with([';', '}']);
-            let length = 1 + self.lines[at..].iter().position(|last| end(&last))?;
-            Some((name, length))
+            let (before, rest) = line.split_once("fn ").filter(|_| !line.trim_start().starts_with("//"))?;
+            let (name, _) =
+                rest.split_once(['(', '<']).filter(|_| before.is_empty() || before.ends_with(' '))?;
+            let end = |last: &String| indent(last) == indent(line) && last.ends_with([';', '}']);
+            let length = 1 + self.lines[at..].iter().position(end)?;
+            Some((name, at, &self.lines[at..at + length]))
         })
+    }
+
+    /// The type that the line at `at` implements something for, if it lies in an `impl`.
+    pub(super) fn implements(&self, at: usize) -> Option<&str> {
+        let above =
+            self.lines[..at].iter().rev().find(|line| indent(line) == 0 && line.ends_with(['{', '}']))?;
+        let words = above
+            .strip_prefix("impl")?
+            .split([' ', '<', '>'])
+            .filter(|word| word.starts_with(char::is_uppercase));
+        words.last()
     }
 }
 
