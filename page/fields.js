@@ -1,7 +1,7 @@
 // Fields of a state: a quantity for each bead or contact, energies, and their reduction to pixels.
 
 import { stepperOf } from "./chains.js";
-import { KERNEL_VERSION, METHODS, isKnown } from "./kernel.js";
+import { KERNEL_VERSION, METHODS, isKnown, retired } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
 
 /** Kinetic, potential, left, split bead, right, dissipated, driven, total (J). */
@@ -36,6 +36,9 @@ export function whyNotRecomputed(physics, chain) {
   }
   if (!METHODS.includes(physics.method)) {
     return `This page does not have the method ${physics.method}.`;
+  }
+  if (retired(physics)) {
+    return `This run was computed by ${retired(physics)}, which this page does not have.`;
   }
   const unknown = unknownPhysics(physics);
   if (unknown !== "") {

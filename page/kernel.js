@@ -258,9 +258,8 @@ export const B1 = fromHex("3fb53e774fa406be");
 export const B2 = fromHex("3fd95d23c9214375");
 export const B3 = fromHex("bfa3ff3020b02cb4");
 export const B4 = fromHex("3fbe9923385e0390");
-// of gear5, and −½ ∓ 1/√12, where the power of damping is taken
+// of gear5
 const [C0, C1, C3, C4, C5] = [3 / 20, 251 / 360, 11 / 18, 1 / 6, 1 / 60];
-const GAUSS_POINTS = [fromHex("bfe93cd3a2c8198e"), fromHex("bfcb0cb174df99c7")];
 
 /** Kicks of a step, at most: each moves one bead further. */
 const REACH = 7;
@@ -270,6 +269,9 @@ const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
 
 /** Methods that are known here. */
 export const METHODS = ["velocity-verlet", "rkn4", "gear5", "rk5"];
+
+/** What no kernel computes any more; undefined of other runs. @param {Physics} physics */
+export const retired = ({ method, damping }) => (method === "gear5" && damping ? "gear5 with damping" : undefined);
 
 /**
  * True if a `Stepper` moves this chain; else it is one of chains.js.
@@ -348,9 +350,9 @@ export class Stepper {
     // the beads that a step moves: others are at rest
     this.from = 0;
     this.to = n;
-    // u' and v' of gear5, with a 0 in place of a bead on either side
+    // u' of gear5, with a 0 in place of a bead on either side, and v'
     this.predictedU = new Float64Array(n + 2);
-    this.predictedV = new Float64Array(n + 2);
+    this.predictedV = new Float64Array(n);
     this.isLoaded = chain.restOverlap.some((rho) => rho !== 0);
     this.excessSeries = excessSeries(physics.alpha);
   }
@@ -479,70 +481,29 @@ export class Stepper {
     this.forces(u);
   }
 
-  /**
-   * D: the force of contact i at overlap δ and rate ω, that at rest not taken off.
-   * @param {number} i @param {number} delta @param {number} omega
-   */
-  force(i, delta, omega) {
-    const p = this.power.at(delta);
-    const elastic = this.k[i] * p;
-    if (!this.damped || !(delta > this.power.z)) {
-      return elastic;
-    }
-    const f = this.restitution ? Math.sqrt(p / delta) : 1;
-    const force = elastic + this.eta[i] * f * omega;
-    return force > 0 ? force : 0;
-  }
-
-  /** Power that damping takes from contact i. @param {number} i @param {number} delta @param {number} omega */
-  dissipatedPower(i, delta, omega) {
-    return delta > this.power.z ? (this.force(i, delta, omega) - this.k[i] * this.power.at(delta)) * omega : 0;
-  }
-
   /** @param {Motion} state */
   stepGear5({ u, v, extra }) {
     const { beads: n, dt, inverseMass, rho, net, predictedU: up, predictedV: vp } = this;
-    const [n2, n3, n4] = [2 * n, 3 * n, 4 * n];
+    const [n2, n3] = [2 * n, 3 * n];
     const [half, rate, c1] = [0.5 * (dt * dt), 1 / dt, C1 / dt];
     for (let i = 0; i < n; i += 1) {
       const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
       up[i + 1] = u[i] + (dt * v[i] + (q5 + q4 + q3 + q2));
-      vp[i + 1] = v[i] + rate * (2 * q2 + (3 * q3 + (4 * q4 + 5 * q5)));
+      vp[i] = v[i] + rate * (2 * q2 + (3 * q3 + (4 * q4 + 5 * q5)));
     }
     for (let i = 0; i <= n; i += 1) {
-      net[i] = this.force(i, up[i] - up[i + 1] + rho[i], vp[i] - vp[i + 1]) - this.rest[i];
+      net[i] = this.elastic(i, up[i] - up[i + 1] + rho[i]) - this.rest[i];
     }
     for (let i = 0; i < n; i += 1) {
       const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
       const x = half * inverseMass[i] * (net[i] - net[i + 1]);
       const y = x - (3 * q3 + (6 * q4 + 10 * q5) + q2);
       u[i] = up[i + 1] + C0 * y;
-      v[i] = vp[i + 1] + c1 * y;
+      v[i] = vp[i] + c1 * y;
       extra[i] = x;
       extra[n + i] = orZero(4 * q4 + 10 * q5 + q3 + C3 * y);
       extra[n2 + i] = orZero(5 * q5 + q4 + C4 * y);
       extra[n3 + i] = orZero(q5 + C5 * y);
-    }
-    if (!this.damped) {
-      return;
-    }
-    for (const s of GAUSS_POINTS) {
-      const [square, ahead, perStep] = [s * s, s * dt, s / dt];
-      for (let i = 0; i < n; i += 1) {
-        const [q2, q3, q4, q5] = [extra[i], extra[n + i], extra[n2 + i], extra[n3 + i]];
-        up[i + 1] = square * (((q5 * s + q4) * s + q3) * s + q2) + (ahead * v[i] + u[i]);
-        vp[i + 1] = perStep * (((5 * q5 * s + 4 * q4) * s + 3 * q3) * s + 2 * q2) + v[i];
-      }
-      let walls = 0;
-      for (let i = 0; i <= n; i += 1) {
-        const dissipated = this.dissipatedPower(i, up[i] - up[i + 1] + rho[i], vp[i] - vp[i + 1]);
-        if (i === 0 || i === n) {
-          walls += dissipated;
-        } else {
-          extra[n4 + i - 1] += 0.5 * dt * dissipated;
-        }
-      }
-      extra[n4 + n - 1] += 0.5 * dt * walls;
     }
   }
 
@@ -551,31 +512,23 @@ export class Stepper {
    * @param {Motion} state
    */
   startGear5({ u, v, extra }) {
-    const { beads: n, dt, power, k, eta, rho } = this;
+    const { beads: n, dt, power, k, rho } = this;
     const q = [u, v.map((speed) => speed * dt), ...[0, 1, 2, 3].map((j) => extra.subarray(j * n, (j + 1) * n))];
-    const exponent = this.restitution ? 0.5 * (this.power.alpha - 1) : 0;
-    // per contact the series of δ, P, G and F, four terms each
-    const [deltas, ps, gs, fs] = [0, 1, 2, 3].map(() => Array.from({ length: n + 1 }, () => [0, 0, 0, 0, 0]));
+    // per contact the series of δ, P and F, four terms each
+    const [deltas, ps, fs] = [0, 1, 2].map(() => Array.from({ length: n + 1 }, () => [0, 0, 0, 0, 0]));
     for (let j = 0; j <= 3; j += 1) {
       for (let i = 0; i <= n; i += 1) {
-        const [delta, p, g, f] = [deltas[i], ps[i], gs[i], fs[i]];
+        const [delta, p, f] = [deltas[i], ps[i], fs[i]];
         for (let order = j; order <= j + 1; order += 1) {
           const terms = q[order];
           delta[order] = (i > 0 ? terms[i - 1] : 0) - (i < n ? terms[i] : 0) + (order === 0 ? rho[i] : 0);
         }
         if (j === 0) {
           p[0] = power.at(delta[0]);
-          if (k[i] * p[0] > 0) {
-            g[0] = this.restitution ? Math.sqrt(p[0] / delta[0]) : 1;
-            f[0] = this.force(i, delta[0], delta[1] / dt);
-          }
+          f[0] = k[i] * p[0];
         } else if (f[0] !== 0 && !(Math.abs(delta[1]) >= delta[0])) {
           p[j] = nextTerm(this.power.alpha, p, delta, j);
-          g[j] = nextTerm(exponent, g, delta, j);
           f[j] = k[i] * p[j];
-          for (let o = 0; o <= j; o += 1) {
-            f[j] += eta[i] * g[o] * (((j - o + 1) * delta[j - o + 1]) / dt);
-          }
         }
       }
       for (let i = 0; i < n; i += 1) {
@@ -594,7 +547,7 @@ export class Stepper {
     return {
       kinetic: sum(n, (i) => 0.5 * mass[i] * (v[i] * v[i])),
       potential: sum(n - 1, (i) => contacts[i + 1]) + (contacts[0] + contacts[n]),
-      dissipated: this.damped ? sum(n, (i) => extra[4 * n + i]) : 0,
+      dissipated: this.damped ? sum(n, (i) => extra[n * this.extraNames.indexOf("W") + i]) : 0,
       driven: 0,
     };
   }

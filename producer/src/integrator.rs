@@ -1,13 +1,17 @@
 //! One integrator for all methods.
 
-use crate::gear::Gear;
+mod gear;
+mod runge;
+mod splitting;
+
 use crate::kernel::{Kernel, TILE};
-use crate::runge::Runge;
-use crate::splitting::{RKN4, Splitting, VELOCITY_VERLET};
 use crate::state::ChainState;
+use gear::{Gear, taylor_terms};
 use pulp::Arch;
+use runge::Runge;
 use schemas::manifest::Physics;
 use schemas::method::Method;
+use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 
 /// Advances the states of one chain by the method of its run.
 ///
@@ -27,6 +31,9 @@ enum ByMethod {
 
 impl Integrator {
     /// The integrator of a run.
+    ///
+    /// # Panics
+    /// When nothing computes the run any more, as [`check_kernel`](crate::resimulation::check_kernel) says.
     pub fn new(physics: &Physics) -> Self {
         Self::with_arch(physics, Arch::new())
     }
@@ -38,14 +45,15 @@ impl Integrator {
 
     /// The same with a given length of tiles, too.
     fn with_tiles(physics: &Physics, arch: Arch, tile: usize) -> Self {
-        let (chain, dt_s) = (physics.chain(), physics.dt_s);
+        assert!(physics.retired().is_none(), "nobody makes a run that `check_kernel` refuses");
+        let chain = physics.chain();
         let kernel = Kernel::with_arch(&chain, arch, tile);
         let by_method = match physics.method {
             Method::VelocityVerlet => {
                 ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, physics, &chain, kernel))
             }
             Method::Rkn4 => ByMethod::Splitting(Splitting::new(RKN4, physics, &chain, kernel)),
-            Method::Gear5 => ByMethod::Gear(Gear::new(dt_s, &chain, kernel)),
+            Method::Gear5 => ByMethod::Gear(Gear::new(physics.dt_s, kernel)),
             Method::Rk5 => ByMethod::Runge(Box::new(Runge::new(physics, &chain, kernel))),
         };
         Self { by_method }
@@ -77,6 +85,15 @@ impl Integrator {
             ByMethod::Gear(gear) => gear.first_non_finite(state),
             ByMethod::Runge(runge) => runge.first_non_finite(state),
         }
+    }
+}
+
+/// What the method of `physics` carries beside a state with the displacements `u_m` (m) and velocities `v_m_s` (m/s): the first rows of
+/// `extra`.
+pub(crate) fn first_terms(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Vec<f64> {
+    match physics.method {
+        Method::Gear5 => taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s),
+        Method::VelocityVerlet | Method::Rkn4 | Method::Rk5 => Vec::new(),
     }
 }
 

@@ -5,13 +5,12 @@
 //! force at rest, which is subtracted in the form in which it was computed, and a kick or a drift adds
 //! exactly zero.
 
-mod damped;
 mod moving;
 mod sweep;
 
 use crate::aligned::aligned;
 use aligned_vec::{AVec, CACHELINE_ALIGN, avec};
-use damped::Damped;
+use moving::Damped;
 pub(crate) use moving::Motion;
 use pulp::Arch;
 use schemas::chain::{Chain, Walls};

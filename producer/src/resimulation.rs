@@ -12,6 +12,7 @@ use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::frame::{EndReason, Frame, FrameSource, Received};
 use schemas::manifest::{KERNEL_VERSIONS, RunManifest};
+use schemas::method::{Feature, Method};
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::sync::Arc;
@@ -163,22 +164,34 @@ pub enum ResimulationError<E: std::error::Error + 'static> {
 /// A run that this program's dynamics does not reproduce.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the run was computed by kernel version {found}, this program has versions {} to {}: nothing is wrong with it, but \
-     its steps can only be recomputed by a Beadline with version {found}",
-    KERNEL_VERSIONS.start(), KERNEL_VERSIONS.end()
+    "the run was computed by {}: nothing is wrong with it, but its steps can only be recomputed by a Beadline with {}",
+    .retired.map_or_else(
+        || format!("kernel version {found}, this program has versions {} to {}", KERNEL_VERSIONS.start(), KERNEL_VERSIONS.end()),
+        |(method, feature)| format!("{method} with {feature}, which this program does not have any more"),
+    ),
+    .retired.map_or_else(|| format!("version {found}"), |_| "both".to_owned())
 )]
 pub struct OtherKernel {
     /// The kernel version of the run.
     pub found: u32,
+    /// The method and what it does not take any more, where the version is not the reason.
+    retired: Option<(Method, Feature)>,
 }
 
 /// Refuses a run that was computed by another dynamics.
 ///
 /// # Errors
-/// When it has another kernel version.
+/// When it has another kernel version, or a method with what this takes no more.
 pub fn check_kernel(manifest: &RunManifest) -> Result<(), OtherKernel> {
-    let found = manifest.physics.kernel_version;
-    if KERNEL_VERSIONS.contains(&found) { Ok(()) } else { Err(OtherKernel { found }) }
+    let physics = &manifest.physics;
+    let (found, retired) = (physics.kernel_version, physics.retired());
+    if !KERNEL_VERSIONS.contains(&found) {
+        return Err(OtherKernel { found, retired: None });
+    }
+    match retired {
+        Some(feature) => Err(OtherKernel { found, retired: Some((physics.method, feature)) }),
+        None => Ok(()),
+    }
 }
 
 impl<S: FrameSource> Resimulation<S> {

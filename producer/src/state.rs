@@ -1,11 +1,10 @@
 //! The state of a chain at a step.
 
 use crate::aligned::aligned;
-use crate::taylor::taylor_terms;
+use crate::integrator::first_terms;
 use aligned_vec::AVec;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
-use schemas::method::Method;
 
 /// Everything that the next step depends on.
 ///
@@ -16,8 +15,7 @@ pub struct ChainState {
     pub u_m: AVec<f64>,
     /// Velocities (m/s), N values.
     pub v_m_s: AVec<f64>,
-    /// What else the method carries from step to step, `E·N` values: see [`Method::extra_per_bead`] and
-    /// [`Physics::extra_per_bead`].
+    /// What else the method carries from step to step, `E·N` values: see [`Physics::extra_per_bead`].
     pub extra: AVec<f64>,
     /// Number of the step.
     pub step: u64,
@@ -36,10 +34,8 @@ impl ChainState {
     /// from the first step.
     pub fn starting_at(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Self {
         let mut extra = physics.initial_extra(u_m);
-        if physics.method == Method::Gear5 {
-            let terms = taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s);
-            extra[..terms.len()].copy_from_slice(&terms);
-        }
+        let terms = first_terms(physics, u_m, v_m_s);
+        extra[..terms.len()].copy_from_slice(&terms);
         Self { u_m: aligned(u_m), v_m_s: aligned(v_m_s), extra: aligned(&extra), step: 0 }
     }
 

@@ -18,7 +18,7 @@ pub use profile::Profile;
 
 use crate::amounts::count;
 use crate::drive::Drive;
-use crate::method::Method;
+use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -515,30 +515,13 @@ impl RunConfig {
         Ok(())
     }
 
-    /// The method where a configuration names none: [`Method::Rkn4`], and [`Method::Rk5`] or [`Method::Gear5`] where forces depend on
-    /// velocities.
+    /// The method where a configuration names none: [`Method::Rkn4`], or one that takes forces of velocities where there are any.
     fn default_method(&self) -> Method {
         let is_slowed = self.on_site.drag_n_s_per_m.is_some()
             || [self.ends.left, self.ends.right].contains(&End::Absorbing);
-        match self.damping {
-            None if !is_slowed => IntegratorConfig::default().method,
-            Some(DampingConfig::ViscousNSPerM(_) | DampingConfig::Restitution(_)) if self.is_plain() => {
-                Method::Gear5
-            }
-            _ => Method::Rk5,
-        }
-    }
-
-    /// Whether it asks for nothing that `gear5` does not take.
-    fn is_plain(&self) -> bool {
-        let chain = &self.chain;
-        let is_one_power = chain.alphas.is_none() && chain.second.is_none() && chain.bonds.is_none();
-        let ends = [self.ends.left, self.ends.right];
-        is_one_power
-            && self.on_site.is_none()
-            && self.resonators.is_none()
-            && self.drive.is_empty()
-            && !ends.iter().any(|end| matches!(end, End::Periodic | End::Absorbing))
+        let features = [(Feature::Damping, self.damping.is_some()), (Feature::Drag, is_slowed)];
+        let there: Vec<_> = features.iter().filter(|(_, is_there)| *is_there).map(|(of, _)| *of).collect();
+        Method::default_for(&there)
     }
 
     /// The configuration as TOML text that reads back to an equal configuration.
@@ -661,7 +644,7 @@ mod tests {
             let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
             let physics = crate::manifest::Physics::resolve(&config);
             let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
-            let expected = if config.damping.is_some() { Method::Gear5 } else { Method::Rkn4 };
+            let expected = if config.damping.is_some() { Method::Rk5 } else { Method::Rkn4 };
             assert_eq!(physics.method, expected);
         }
     }

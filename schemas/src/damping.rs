@@ -206,22 +206,6 @@ pub struct ContactDamping {
     pub wall_coefficient: [f64; 2],
 }
 
-/// Force (N) of a closed contact: its elastic force `elastic_n` (N) and damping `coefficient·δ^p·rate`, if that
-/// does not pull. `rate_m_s` is dδ/dt. `OVERLAP` tells `p = (α−1)/2` from `p = 0`.
-#[inline(always)]
-pub fn damped_force<const OVERLAP: bool>(
-    elastic_n: f64,
-    power: f64,
-    overlap_m: f64,
-    coefficient: f64,
-    rate_m_s: f64,
-) -> f64 {
-    // δ^((α−1)/2) = √(δ^α/δ): no second power
-    let factor = if OVERLAP { (power / overlap_m).sqrt() } else { 1.0 };
-    let force = elastic_n + coefficient * factor * rate_m_s;
-    if force > 0.0 { force } else { 0.0 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -258,14 +242,5 @@ mod tests {
         }
         let wrong = Damping::Restitution(Restitution { coefficient: 0.5, damping_ratio: 0.1 });
         assert!(wrong.check().is_err());
-    }
-
-    /// k = 1, α = 3, δ = ¼, η = 2: elastic 1/64, damping 2·(1/4)·rate with p = 1.
-    #[test]
-    fn a_damped_contact_never_pulls() {
-        let force = |rate| damped_force::<true>(1.0 / 64.0, 1.0 / 64.0, 0.25, 2.0, rate);
-        assert_eq!(force(1.0), 1.0 / 64.0 + 0.5);
-        assert_eq!(force(-1.0), 0.0);
-        assert_eq!(damped_force::<false>(1.0 / 64.0, 1.0 / 64.0, 0.25, 2.0, 1.0), 1.0 / 64.0 + 2.0);
     }
 }

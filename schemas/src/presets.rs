@@ -110,7 +110,7 @@ pub const PRESETS: [Preset; 22] = [
         duration_s: 0.006,
         change: |config| {
             config.damping = Some(DampingConfig::Restitution(0.95));
-            config.integrator.method = Method::Gear5;
+            config.integrator.method = Method::Rk5;
         },
     },
     Preset {
@@ -270,7 +270,7 @@ mod tests {
             ("precompressed", 7_962),
             ("gravity", 14_278),
             ("walls", 73_586),
-            ("damped", 132_454),
+            ("damped", 33_114),
             ("band-gap", 61_239),
             ("steel-spheres", 4_013),
             ("fput-alpha", 105_000),

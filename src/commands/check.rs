@@ -13,6 +13,7 @@ use anyhow::anyhow;
 use consumers::determination::{Determination, Outcome, Quantity, verdict};
 use consumers::table::Table;
 use experiments::compare::{Compared, compare};
+use producer::resimulation::check_kernel;
 use recording::RecordingInfo;
 use schemas::manifest::RunManifest;
 use std::path::Path;
@@ -89,6 +90,7 @@ fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
     }
     let info = RecordingInfo::read(path).bad_input()?;
     display::notice_of_version(&info.manifest);
+    check_kernel(&info.manifest)?;
     let last_step = info.last_step.unwrap_or(info.manifest.physics.step_count);
     let recorded_hash = info.end.and_then(|end| end.last_state_hash);
     Ok(Subject { manifest: info.manifest, last_step, recorded_hash })

@@ -187,7 +187,7 @@ fn the_names_of_schemas_are_counted_with_each_channel() {
 fn what_is_recovered_is_proven_or_it_says_why_not() {
     let place = Place::new();
     let recordings =
-        ["sparse.mcap", "results-part-0001.mcap", "partial.mcap.partial", "damped.mcap"].map(golden);
+        ["sparse.mcap", "results-part-0001.mcap", "partial.mcap.partial", "loaded.mcap"].map(golden);
     let campaign = Campaign {
         program: Path::new(env!("CARGO_BIN_EXE_beadline")),
         commands: &[],

@@ -15,7 +15,7 @@ import { createRequire } from "node:module";
 import { fileURLToPath } from "node:url";
 
 import { stepperOf } from "../../page/chains.js";
-import { KERNEL_VERSION, Power, fromHex, isKnown, toHex } from "../../page/kernel.js";
+import { KERNEL_VERSION, Power, fromHex, isKnown, retired, toHex } from "../../page/kernel.js";
 import { unknownPhysics } from "../../page/keys.js";
 
 const PIECE_BYTES = 1 << 20;
@@ -161,6 +161,9 @@ function readManifest(metadata) {
   const values = JSON.parse(physics);
   if (!isKnown(values.kernel_version)) {
     throw new Stop(3, `kernel version ${values.kernel_version}: this recomputes versions 2 to ${KERNEL_VERSION}`);
+  }
+  if (retired(values)) {
+    throw new Stop(3, `${retired(values)}: no kernel computes that any more`);
   }
   const unknown = unknownPhysics(values);
   if (unknown !== "") {

@@ -278,7 +278,7 @@ class Chain:
             raise Wrong(f"the method {self.method}")
         names += ["w", "w_v"] * (self.m_r is not None) + ["W"] * (self.damped or self.drag is not None)
         self.names = names + ["drives"] * bool(self.drives)
-        if self.method != "rk5" and (self.drag is not None or self.damped and self.method != "gear5"):
+        if self.method != "rk5" and (self.drag is not None or self.damped):
             raise Wrong(f"damping or drag with {self.method}")
         beyond = (self.on_site, self.on_site_cubic, self.m_r)
         if self.method == "gear5" and (self.ring or terms or self.drives or any(x is not None for x in beyond)):
@@ -468,26 +468,14 @@ class Chain:
         dt = self.dt
         u_p = u + (dt * v + (((q5 + q4) + q3) + q2))
         v_p = v + (1 / dt) * (2 * q2 + (3 * q3 + (4 * q4 + 5 * q5)))
-        force = self.contacts(self.approach(u_p) + self.rho, self.approach(v_p))[3]
+        force = self.elastic(self.approach(u_p) + self.rho)[1]
         x = (0.5 * (dt * dt) * (1 / self.m)) * net(force - self.R)
         y = x - ((3 * q3 + (6 * q4 + 10 * q5)) + q2)
         u = u_p + 3 / 20 * y
         v = v_p + (251 / 360 / dt) * y
         q3, q4, q5 = ((4 * q4 + 10 * q5) + q3) + 11 / 18 * y, (5 * q5 + q4) + 1 / 6 * y, q5 + 1 / 60 * y
         q3, q4, q5 = (np.where(abs(q) <= 2.0**-900, 0.0, q) for q in (q3, q4, q5))
-        q2 = x
-        if not self.damped:
-            return np.array([u, v, q2, q3, q4, q5])
-        work = state[6].copy()
-        for s in double(0xBFE93CD3A2C8198E), double(0xBFCB0CB174DF99C7):
-            u_s = (s * s) * (((q5 * s + q4) * s + q3) * s + q2) + (s * dt * v + u)
-            v_s = (s / dt) * (((5 * q5 * s + 4 * q4) * s + 3 * q3) * s + 2 * q2) + v
-            rate = self.approach(v_s)
-            _, elastic, _, force, closed = self.contacts(self.approach(u_s) + self.rho, rate)
-            power = np.where(closed, (force - elastic) * rate, 0.0)
-            work[:-1] += 0.5 * dt * power[1:-1]
-            work[-1] += 0.5 * dt * (power[0] + power[-1])
-        return np.array([u, v, q2, q3, q4, q5, work])
+        return np.array([u, v, x, q3, q4, q5])
 
     def start(self):
         """The state at step 0."""
@@ -506,26 +494,21 @@ class Chain:
             return state
         q = [state[0], state[1] * self.dt]
         d = [self.approach(q[0]) + self.rho, self.approach(q[1])]
-        p0, elastic, f, force, _ = self.contacts(d[0], d[1] / self.dt)
-        force0 = np.where(elastic > 0, force, 0.0)
-        P, G = [p0], [f]
-        slope = 0.5 * (self.alpha - 1) if self.restitution else 0.0
+        p0, force0 = self.elastic(d[0])
+        P = [p0]
 
-        def following(a, A, j):
+        def following(j):
             s = 0.0
             for i in range(1, j + 1):
-                s = s + (i * a - (j - i)) * d[i] * A[j - i]
+                s = s + (i * self.alpha - (j - i)) * d[i] * P[j - i]
             return s / (j * d[0])
 
         for j in range(4):
             if j == 0:
                 force = force0 - self.R
             else:
-                P.append(following(self.alpha, P, j))
-                G.append(following(slope, G, j))
+                P.append(following(j))
                 force = self.laws[0].k * P[j]
-                for i in range(j + 1):
-                    force = force + self.eta * G[i] * ((j - i + 1) * d[j - i + 1] / self.dt)
                 force = np.where((force0 == 0) | (abs(d[1]) >= d[0]), 0.0, force)
             q.append((self.dt * self.dt / ((j + 1) * (j + 2)) / self.m) * net(force))
             d.append(self.approach(q[-1]))

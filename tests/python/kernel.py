@@ -152,6 +152,8 @@ def check(path):
             physics = json.loads(run["physics"])
             if physics["kernel_version"] not in VERSIONS:
                 raise OtherKernel(f"of kernel version {physics['kernel_version']}, this recomputes 2 and 3")
+            if physics["method"] == "gear5" and physics.get("damping"):
+                raise OtherKernel("of gear5 with damping, which no kernel computes any more")
         elif kind == "Channel":
             topics[record.id] = record.topic
         elif kind == "Message" and topics[record.channel_id] == "/chain":

@@ -35,7 +35,7 @@ fn variants(method: Method) -> Vec<Variant> {
             c.striker.bead = 20;
         }),
     ];
-    if method.takes_forces_of_velocity() {
+    if method.takes(schemas::method::Feature::Damping) {
         variants.push(("dashpots", |c| {
             c.damping = Some(DampingConfig::ViscousNSPerM(1.0));
             c.ends.left = End::Fixed;

@@ -1,9 +1,10 @@
 //! Contacts of moving beads, whatever their force is made of, and what they dissipate: for methods that take forces of velocity.
 
 use super::sweep::{add_up, wall_elastic_n};
-use super::{Damped, Kernel, Rest};
+use super::{Kernel, Rest};
+use schemas::chain::Chain;
 use schemas::contact::{ContactLaw, Power, PowerUser, evaluate};
-use schemas::damping::Damping;
+use schemas::damping::{ContactDamping, Damping};
 use schemas::simd::vectorized;
 use std::ops::Range;
 
@@ -14,6 +15,27 @@ pub(crate) struct Motion<'a> {
     pub(crate) v_m_s: &'a [f64],
     pub(crate) walls_m: [f64; 2],
     pub(crate) walls_m_s: [f64; 2],
+}
+
+/// The damped contacts of a chain.
+#[derive(Debug, Clone)]
+pub(super) struct Damped {
+    contacts: ContactDamping,
+    /// Whether bonds, which are never cut, take the place of contacts.
+    is_bonded: bool,
+    /// The law of δ^q of a damping that is computed as δ^q/δ.
+    raised: Option<ContactLaw>,
+}
+
+impl Damped {
+    /// The damping of `chain`, if it has one.
+    pub(super) fn of(chain: &Chain) -> Option<Self> {
+        chain.damping.clone().map(|contacts| Self {
+            raised: contacts.kind.raised(chain.law.alpha()),
+            contacts,
+            is_bonded: chain.is_bonded,
+        })
+    }
 }
 
 /// How the factor δ^p of a damping force is computed.
@@ -244,5 +266,43 @@ impl PowerUser for Raised<'_> {
             #[inline(always)]
             |_, any_closed| any_closed,
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::chain::{Wall, Walls};
+    use schemas::damping::Restitution;
+
+    /// Force and dissipated power of two beads between walls, k = 4, α = 3, η = 2, at rest overlaps of ½ (force ½).
+    fn forces_and_power(kind: Damping, v_m_s: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let law = ContactLaw::new(3.0);
+        let wall = Wall::new(&law, 4.0, 0.5);
+        let walls = Walls { left: wall, right: wall };
+        let contacts = ContactDamping { kind, coefficient: vec![2.0], wall_coefficient: [2.0, 2.0] };
+        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
+        let mut kernel = Kernel::new(&chain.with_damping(Some(contacts)));
+        let mut power_w = vec![1.0; 2];
+        let motion = Motion { u_m: &[0.0; 2], v_m_s, walls_m: [0.0; 2], walls_m_s: [0.0; 2] };
+        kernel.evaluate_moving(&(0..2), motion, &mut power_w);
+        (kernel.force.to_vec(), power_w)
+    }
+
+    #[test]
+    fn rest_is_exact() {
+        let found = forces_and_power(Damping::ViscousNSPerM(2.0), &[0.0; 2]);
+        assert_eq!(found, (vec![0.0; 3], vec![0.0; 2]));
+    }
+
+    /// Bead 0 moves right at ¼ m/s. Dashpots: the contact is pressed with 2·¼ N more; the left wall, left
+    /// behind, would pull with ½ N and pushes with ½ − ½ = 0 N. With `η·δ^1` the damping is halved at an overlap of ½.
+    #[test]
+    fn damped_contacts_worked_out_by_hand() {
+        let (force, power_w) = forces_and_power(Damping::ViscousNSPerM(2.0), &[0.25, 0.0]);
+        assert_eq!((&force[..], &power_w[..]), (&[-0.5, 0.5, 0.0][..], &[0.125, 0.125][..]));
+        let restitution = Restitution { coefficient: 0.5, damping_ratio: 0.2 };
+        let (force, power_w) = forces_and_power(Damping::Restitution(restitution), &[0.25, 0.0]);
+        assert_eq!((&force[..], &power_w[..]), (&[-0.25, 0.25, 0.0][..], &[0.0625, 0.0625][..]));
     }
 }

@@ -177,7 +177,7 @@ impl Sweep<'_> {
     }
 
     /// Whether a force acts on a bead of the block that begins with bead `start`. Without a force a kick adds zero, which
-    /// changes no velocity: none is `-0`, see [`Splitting::step`](crate::splitting::Splitting::step).
+    /// changes no velocity: none is `-0`, see `Splitting::advance`.
     #[inline(always)]
     fn is_pushed(&self, start: usize) -> bool {
         self.presses[start / BLOCK] || self.force[start] != 0.0

@@ -191,9 +191,9 @@ fn keys_that_lie_in_each_other_are_refused() {
 fn a_preset_lends_its_physics_only() {
     let sweep = read("[base]\npreset = \"homogeneous\"\n[grid]\n\"damping.restitution\" = [0.9, 0.95]\n");
     let config = config(&sweep.expect("the method of damping is the default then"), 1);
-    assert_eq!((config.integrator.method, config.name), (Method::Gear5, None));
+    assert_eq!((config.integrator.method, config.name), (Method::Rk5, None));
     let damped = read("[base]\npreset = \"damped\"\n").expect("valid").point(0).expect("point").config;
-    assert_eq!(damped.integrator.method, Method::Gear5);
+    assert_eq!(damped.integrator.method, Method::Rk5);
 }
 
 #[test]

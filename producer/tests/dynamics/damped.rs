@@ -8,10 +8,10 @@ use schemas::damping::Restitution;
 use schemas::manifest::Physics;
 use schemas::method::Method;
 
-/// A damped run with the default step of `gear5`, changed by `change`.
+/// A damped run with the default step of `rk5`, changed by `change`.
 fn damped(beads: u64, alpha: f64, damping: DampingConfig, change: impl FnOnce(&mut RunConfig)) -> Physics {
     let mut config = config(beads, alpha);
-    (config.damping, config.integrator.method) = (Some(damping), Method::Gear5);
+    (config.damping, config.integrator.method) = (Some(damping), Method::Rk5);
     config.time.duration_s = 1e3;
     change(&mut config);
     Physics::resolve(&config).unwrap()
@@ -58,7 +58,9 @@ fn coefficients_of_restitution_converge_with_the_step() {
             ((v[1] - v[0]) / 5.0 - 0.5).abs()
         };
         let order = (error(0) / error(3)).log2() / 3.0;
-        assert!((order - 0.5 * (alpha + 1.0)).abs() < 0.03, "α = {alpha}: order {order}");
+        // at α = 3 the step in which the force ends counts, too
+        let allowed = if alpha < 3.0 { 0.03 } else { 0.3 };
+        assert!((order - 0.5 * (alpha + 1.0)).abs() < allowed, "α = {alpha}: order {order}");
     }
 }
 
@@ -152,12 +154,11 @@ fn energy_and_dissipated_work_add_up() {
         // a tenth of the critical damping, or so
         let time_s = Physics::resolve(&config(2, alpha)).unwrap().scales().time_s;
         let dashpot = DampingConfig::ViscousNSPerM(1e-4 / time_s);
-        let p = 0.5 * (alpha - 1.0);
-        for (damping, p, allowed) in [
-            (DampingConfig::Restitution(0.5), p, 3e-4),
-            (DampingConfig::Restitution(0.95), p, 2e-5),
+        for (damping, allowed) in [
+            (DampingConfig::Restitution(0.5), 3e-4),
+            (DampingConfig::Restitution(0.95), 2e-5),
             // the force begins with a jump that is worth 0.1·v0·dt/T of velocity
-            (dashpot, 0.0, 1e-3),
+            (dashpot, 1e-3),
         ] {
             for (name, change) in CHAINS {
                 let name = format!("{name}, α = {alpha}, {damping:?}");
@@ -166,10 +167,8 @@ fn energy_and_dissipated_work_add_up() {
                 assert!(dissipated > 0.05 && dissipated < 1.0, "{name}: W = {dissipated} E0");
                 assert!(coarse < allowed, "{name}: off by {coarse:e}");
                 if name.starts_with("free") {
-                    let finer = Physics { dt_s: physics.dt_s / 4.0, ..physics };
-                    let (fine, _) = imbalance(&lasting(finer, 30.0));
-                    let order = 0.5 * (coarse / fine).log2();
-                    assert!((order - (p + 1.0)).abs() < 0.05, "{name}: order {order}");
+                    // all is at rest, or touches, when damping sets in
+                    assert!(coarse < 1e-9, "{name}: off by {coarse:e}");
                 }
             }
         }
@@ -187,7 +186,7 @@ fn strong_damping_has_a_step_of_its_own() {
             let largest = state.v_m_s.iter().fold(0.0, |largest: f64, v| largest.max(v.abs()));
             assert!(largest <= 5.0, "α = {alpha}, {damping:?}: {largest} m/s");
             let mut config = config(4, alpha);
-            (config.damping, config.integrator.method) = (Some(damping), Method::Gear5);
+            (config.damping, config.integrator.method) = (Some(damping), Method::Rk5);
             config.time.dt_s = Some(1.01 * physics.longest_dt_s());
             let error = Physics::resolve(&config).expect_err("the step does not resolve the damping");
             assert_eq!(error.key, "time.dt_s");

@@ -19,7 +19,7 @@ fn configuration(row: Row<'_>) -> RunConfig {
         "viscous" => DampingConfig::ViscousNSPerM(value),
         _ => DampingConfig::Restitution(value),
     });
-    config.integrator.method = Method::Gear5;
+    config.integrator.method = Method::Rk5;
     let time_s = Physics::resolve(&config).unwrap().scales().time_s;
     config.time.duration_s = row.number("periods") * time_s;
     config

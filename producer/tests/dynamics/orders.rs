@@ -107,14 +107,14 @@ fn methods_have_their_order_on_a_precompressed_chain() {
 }
 
 /// The linear contact with dashpots, ζ = 0.1: the overlap is `e^(−γt)·sin(ω't + φ)`, up to a factor, with
-/// `γ = η/m` and `ω'² = 2k/m − γ²`. Forces depend on velocities, and gear5 keeps its order; the dissipated work makes
+/// `γ = η/m` and `ω'² = 2k/m − γ²`. Forces depend on velocities, and rk5 keeps its order; the dissipated work makes
 /// up for the energy to fourth order at least.
 #[test]
-fn gear5_has_its_order_with_damping() {
+fn rk5_has_its_order_with_damping() {
     let errors = |steps: u64| {
         let dashpot = |config: &mut RunConfig| {
             let omega = (2.0 * config.chain.stiffness / config.chain.bead_mass_kg).sqrt();
-            config.integrator.method = Method::Gear5;
+            config.integrator.method = Method::Rk5;
             config.damping = Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg));
         };
         let physics = physics(2, 1.0, 1.2 / steps as f64, steps, dashpot);

@@ -21,7 +21,7 @@ use crate::config::{
 };
 use crate::damping::Damping;
 use crate::drive::Drive;
-use crate::method::Method;
+use crate::method::{Feature, Method};
 use crate::rows::Rows;
 use crate::scales::Scales;
 use crate::simd::ordered_sum;
@@ -187,6 +187,28 @@ impl Physics {
             work: self.damping.is_some() || self.has_drag(),
             drives: !self.drives.is_empty(),
         }
+    }
+
+    /// All that it has and that not every method takes.
+    pub(crate) fn features(&self) -> Vec<Feature> {
+        let on_site = &self.on_site;
+        let all = [
+            (Feature::Damping, self.damping.is_some()),
+            (Feature::Drag, self.has_drag()),
+            (Feature::OtherLaws, self.is_beyond_one_power()),
+            (Feature::OnSite, on_site.linear_n_per_m.is_some() || on_site.cubic_n_per_m3.is_some()),
+            (Feature::Resonators, self.resonators.is_some()),
+            (Feature::Ring, self.ends.left == End::Periodic),
+            (Feature::Drives, !self.drives.is_empty()),
+        ];
+        all.into_iter().filter(|(_, is_there)| *is_there).map(|(feature, _)| feature).collect()
+    }
+
+    /// What its method took once and takes no more: the dashpots and restitution of `gear5`. Recordings of such runs are read; nothing
+    /// of them is computed.
+    pub fn retired(&self) -> Option<Feature> {
+        let was_taken = matches!(self.damping, Some(Damping::ViscousNSPerM(_) | Damping::Restitution(_)));
+        (self.method == Method::Gear5 && was_taken).then_some(Feature::Damping)
     }
 
     /// Whether a drag acts on a bead.

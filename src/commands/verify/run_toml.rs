@@ -22,6 +22,9 @@ impl RunToml {
     pub(crate) fn compare(text: Option<&str>, manifest: &RunManifest) -> Self {
         let Some(text) = text else { return Self::Absent };
         let physics = &manifest.physics;
+        if let Some(feature) = physics.retired() {
+            return Self::NotResolved(format!("{} with {feature} is not computed any more", physics.method));
+        }
         let mut config = match RunConfig::from_toml(text) {
             Ok(config) => config,
             Err(error) => return Self::NotResolved(error.to_string()),

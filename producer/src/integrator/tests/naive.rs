@@ -1,9 +1,9 @@
 //! The definition of a step: every bead, every contact, one after the other, nothing kept and nothing skipped.
 
 use super::*;
-use crate::splitting::Stages;
+use crate::integrator::splitting::Stages;
 use schemas::chain::{Chain, Wall};
-use schemas::damping::{Damping, damped_force};
+use schemas::damping::Damping;
 
 pub(super) fn step(physics: &Physics, state: &mut ChainState) {
     match physics.method {
@@ -50,16 +50,13 @@ fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
             return (0.0 - rest_n, 0.0);
         }
         let (elastic, raised) = (chain.law.force(stiffness, overlap), chain.law.force(1.0, overlap));
-        let force = match chain.damping.as_ref().map(|damping| damping.kind) {
-            None => elastic,
-            Some(Damping::ViscousNSPerM(_)) => {
-                damped_force::<false>(elastic, raised, overlap, coefficient, rate)
-            }
+        let factor = match chain.damping.as_ref().map(|damping| damping.kind) {
+            None | Some(Damping::ViscousNSPerM(_)) => 1.0,
+            Some(Damping::Restitution(_)) => (raised / overlap).sqrt(),
             Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)) => unreachable!("no variant has these"),
-            Some(Damping::Restitution(_)) => {
-                damped_force::<true>(elastic, raised, overlap, coefficient, rate)
-            }
         };
+        let damped = elastic + coefficient * factor * rate;
+        let force = if chain.damping.is_none() || damped > 0.0 { damped } else { 0.0 };
         (force - rest_n, (force - elastic) * rate)
     };
     contacts(chain).into_iter().enumerate().map(one).collect()
@@ -117,30 +114,6 @@ fn gear_step(physics: &Physics, state: &mut ChainState) {
         state.extra[n + i] = kept(p[3] + 11.0 / 18.0 * miss);
         state.extra[2 * n + i] = kept(p[4] + 1.0 / 6.0 * miss);
         state.extra[3 * n + i] = kept(p[5] + 1.0 / 60.0 * miss);
-    }
-    if chain.damping.is_some() {
-        dissipate(&chain, dt, state);
-    }
-}
-
-/// Adds the work of two nodes of Gauss's quadrature, on the polynomials at the end of the step.
-fn dissipate(chain: &Chain, dt: f64, state: &mut ChainState) {
-    let n = chain.bead_count();
-    for s in [-0.788_675_134_594_812_9_f64, -0.211_324_865_405_187_1] {
-        let motion = |i: usize| {
-            let [q2, q3, q4, q5] = [0, 1, 2, 3].map(|k| state.extra[k * n + i]);
-            let higher = ((q5 * s + q4) * s + q3) * s + q2;
-            let u = (s * s) * higher + (s * dt * state.v_m_s[i] + state.u_m[i]);
-            let slope = (5.0 * q5 * s + 4.0 * q4) * s + 3.0 * q3;
-            (u, s / dt * (slope * s + 2.0 * q2) + state.v_m_s[i])
-        };
-        let (u, v): (Vec<f64>, Vec<f64>) = (0..n).map(motion).unzip();
-        let found = evaluate(chain, &u, &v);
-        let [left, right] = [found[0].1, found[n].1];
-        let powers = found[1..n].iter().map(|contact| contact.1).chain([left + right]);
-        for (work, power) in state.extra[4 * n..].iter_mut().zip(powers) {
-            *work += 0.5 * dt * power;
-        }
     }
 }
 

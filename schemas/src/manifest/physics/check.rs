@@ -6,7 +6,7 @@ use super::disorder::Resolved;
 use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
 use crate::damping::Damping;
 use crate::manifest::{KERNEL_VERSION, MAX_BEADS, MAX_STEPS};
-use crate::method::Method;
+use crate::method::{Feature, Method};
 use std::collections::BTreeSet;
 
 impl Physics {
@@ -14,6 +14,7 @@ impl Physics {
     /// written in it. What shows only in the whole chain is for [`check_whole`](Self::check_whole).
     pub(in crate::manifest) fn check_form(&self) -> Result<(), ConfigError> {
         self.check_written(&self.impurities, &self.contacts)?;
+        self.check_method(false)?;
         self.check_order()?;
         if !(self.dt_s > 0.0 && self.dt_s.is_finite()) {
             return Err(ConfigError::number("time.dt_s", self.dt_s, "a step of more than 0 s"));
@@ -50,7 +51,7 @@ impl Physics {
             ("drives", !self.drives.is_empty()),
             ("ends", newer_end(self.ends.left) || newer_end(self.ends.right)),
             ("damping", newer_damping),
-            ("method", self.method == Method::Rk5),
+            ("method", self.method.is_since_1_1()),
         ]
         .into_iter()
         .find_map(|(key, is_there)| is_there.then_some(key))
@@ -69,6 +70,7 @@ impl Physics {
         contacts: &[OddContact],
     ) -> Result<(), ConfigError> {
         self.check_written(impurities, contacts)?;
+        self.check_method(true)?;
         self.check_resolved()
     }
 
@@ -109,7 +111,7 @@ impl Physics {
         }
         self.check_beyond()?;
         self.check_load()?;
-        self.check_damping()?;
+        self.damping.iter().try_for_each(Damping::check)?;
         self.check_velocity()
     }
 
@@ -229,15 +231,14 @@ impl Physics {
         Ok(())
     }
 
-    fn check_damping(&self) -> Result<(), ConfigError> {
-        let Some(damping) = &self.damping else { return Ok(()) };
-        damping.check()?;
-        if self.method.takes_forces_of_velocity() {
-            return Ok(());
-        }
-        let allowed = "a method for forces that depend on velocities (gear5, rk5) with [damping]: the kicks of this \
-                       one hold the velocity fixed, and it would lose its order";
-        Err(ConfigError::value("integrator.method", self.method, allowed))
+    /// Refuses what the method does not take; of a run that a configuration asks for also what it does not take any more.
+    pub(super) fn check_method(&self, is_new: bool) -> Result<(), ConfigError> {
+        let method = self.method;
+        let is_refused =
+            |feature: &Feature| !method.takes(*feature) && (is_new || self.retired() != Some(*feature));
+        let Some(feature) = self.features().into_iter().find(is_refused) else { return Ok(()) };
+        let allowed = format!("{} with {feature}, which {method} does not take", Method::names_with(feature));
+        Err(ConfigError::value("integrator.method", method, &allowed))
     }
 
     fn check_velocity(&self) -> Result<(), ConfigError> {

@@ -6,7 +6,6 @@ use super::check::check_positive;
 use crate::config::{Bonds, ConfigError, End, Gaussian, PlaneWave, Spheres};
 use crate::damping::Damping;
 use crate::drive::{Place, Quantity, Side};
-use crate::method::Method;
 use std::collections::{BTreeSet, HashMap};
 
 /// Steps in the shortest period of a drive, at least.
@@ -28,8 +27,7 @@ impl Physics {
         self.check_ends()?;
         self.check_sites()?;
         self.check_initial()?;
-        self.check_drives()?;
-        self.check_method()
+        self.check_drives()
     }
 
     fn check_spheres(&self) -> Result<(), ConfigError> {
@@ -413,26 +411,5 @@ impl Physics {
             }
         }
         Ok(())
-    }
-
-    fn check_method(&self) -> Result<(), ConfigError> {
-        let needs_rk5 = matches!(self.damping, Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)));
-        let is_plain = !self.is_beyond_one_power()
-            && self.on_site.is_none()
-            && self.resonators.is_none()
-            && self.drives.is_empty()
-            && self.ends.left != End::Periodic
-            && !self.has_drag();
-        let refuse = |allowed: &str| Err(ConfigError::value("integrator.method", self.method, allowed));
-        match self.method {
-            Method::Gear5 if needs_rk5 || !is_plain => refuse(
-                "rk5 (or rkn4, velocity-verlet without damping and drag): gear5 knows one power of the overlap, walls that stand \
-                 still and the dampings viscous_n_s_per_m and restitution",
-            ),
-            Method::VelocityVerlet | Method::Rkn4 if self.has_drag() => refuse(
-                "rk5 with drag, as absorbing ends have: the kicks of this method hold the velocity fixed, and it would lose its order",
-            ),
-            _ => Ok(()),
-        }
     }
 }

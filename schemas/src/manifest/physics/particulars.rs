@@ -177,7 +177,7 @@ mod tests {
         (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed);
         (config.load.gravity_m_s2, config.load.precompression_n) = (-9.81, 0.5);
         config.damping = Some(DampingConfig::Restitution(0.9));
-        config.integrator.method = Method::Gear5;
+        config.integrator.method = Method::Rk5;
         config.time.duration_s = 10.0;
         let found = Physics::resolve(&config).expect("valid").particulars();
         let expected = [

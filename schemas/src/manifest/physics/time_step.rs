@@ -7,7 +7,6 @@ use super::arrays::{larger, smaller};
 use crate::config::{ConfigError, End, TimeConfig};
 use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
-use crate::method::Method;
 use crate::power::power;
 use crate::term::TermLaw;
 pub use limits::Limit;
@@ -34,8 +33,8 @@ impl Physics {
     /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises, and what decides it: the shortest that any part of
     /// the chain allows.
     ///
-    /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`],
-    /// and for `struck` what `struck_fraction` leaves of it. With damping it is a quarter of that, or
+    /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`](crate::method::Method::default_step_fraction),
+    /// and for `struck` what `Method::struck_step_fraction` leaves of it. With damping it is a quarter of that, or
     /// `fraction·T_settle` where that is less (0.4 of it for dashpots): the force jumps, or has a kink, where a damped
     /// contact closes, and the balance of energies is of the order of `dt/T_settle`.
     ///
@@ -88,7 +87,8 @@ impl Physics {
     /// The steps that contacts of `law` allow.
     fn by_contacts(&self, law: OneLaw, allowed: &mut Vec<Allowed>) {
         let fraction = self.method.default_step_fraction(law.alpha);
-        let struck = self.struck_fraction(law.alpha);
+        let (is_of_the_paper, again) = (self.is_of_the_paper(), self.opens_again_and_again());
+        let struck = self.method.struck_step_fraction(law.alpha, is_of_the_paper, again);
         // what is given or driven may open contacts that a load keeps closed
         let opens = (!self.initial.is_none() || !self.drives.is_empty())
             && self.typical_overlap_m() + self.struck_overlap_m(law) > self.smallest_rest_overlap_m(law);
@@ -131,22 +131,6 @@ impl Physics {
             longest_s: 0.25 * longest_s * stiff,
             by,
         }));
-    }
-
-    /// What is left of [`Method::default_step_fraction`] where contacts open and close at full speed, each time with an
-    /// error of the order `dt^(α+1)`.
-    ///
-    /// Half of it where they do so again and again. With `rkn4` at most 0.0075 up to α = 1.5, and a
-    /// straight line to 0.02 at α = 2, but for the chains of the paper. Velocity Verlet needs steps so short for its own
-    /// second order that this does not matter.
-    fn struck_fraction(&self, alpha: f64) -> f64 {
-        let usual = self.method.default_step_fraction(alpha);
-        let blunt = match self.method {
-            Method::VelocityVerlet => return usual,
-            Method::Rkn4 if !self.is_of_the_paper() => 0.0075 + 0.025 * larger(alpha - 1.5, 0.0),
-            Method::Rkn4 | Method::Gear5 | Method::Rk5 => usual,
-        };
-        smaller(usual, blunt) * if self.opens_again_and_again() { 0.5 } else { 1.0 }
     }
 
     /// True if beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or whether many

@@ -4,7 +4,7 @@
 //! The forces that end one step and begin the next are kept, but they depend on the displacements alone, so
 //! that a fresh integrator started at any state goes on with the same bits.
 
-mod beyond;
+mod with_drives;
 
 use crate::drives::{Drives, Now};
 use crate::kernel::{Activity, Kernel, Pass};
@@ -99,6 +99,8 @@ struct Others {
     now: Vec<Now>,
     /// The velocities (m/s) at the beginning of a piece of the beads that drives move.
     started_m_s: Vec<f64>,
+    /// The velocity (m/s) of the bead that each drive pushes or moves, and the net force (N) on it, before a kick.
+    before_kick: Vec<(f64, f64)>,
     /// What they do at all moments of a sweep.
     moments: Vec<Now>,
     /// Net forces (N) of a kick.
@@ -117,6 +119,7 @@ impl Splitting {
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
             started_m_s: Vec::new(),
+            before_kick: Vec::new(),
             moments: Vec::new(),
             net_n: vec![0.0; chain.bead_count()],
         });

@@ -167,19 +167,24 @@ impl Runge {
     /// The state at `stage`, or at the end of the step, from the slopes before.
     fn combine(&mut self, stage: usize, dt_s: f64, state: &ChainState, beads: &Range<usize>) {
         let weights = A[stage - 1];
-        let used: Vec<usize> = (0..STAGES).filter(|s| weights[*s] != 0.0).collect();
+        let (mut used, mut count) = ([0; STAGES], 0);
+        for s in (0..STAGES).filter(|s| weights[*s] != 0.0) {
+            used[count] = s;
+            count += 1;
+        }
+        let used = &used[..count];
         let n = state.u_m.len();
         let rows = [&state.u_m[..], &state.v_m_s[..]].into_iter().chain(state.extra.chunks_exact(n));
-        let there: Vec<usize> = (0..ARRAYS).filter(|array| !self.at.arrays[*array].is_empty()).collect();
+        let is_there = self.at.arrays.each_ref().map(|values| !values.is_empty());
         let arch = self.kernel.arch();
-        for (array, from) in there.into_iter().zip(rows) {
+        for (array, from) in (0..ARRAYS).filter(|array| is_there[*array]).zip(rows) {
             let (from, to) = (&from[beads.clone()], &mut self.at.arrays[array][beads.clone()]);
             let slopes: [&[f64]; STAGES] =
                 std::array::from_fn(|s| &self.slopes[s].arrays[array][beads.clone()]);
             vectorized(
                 arch,
                 #[inline(always)]
-                || add_slopes(from, to, dt_s, &slopes, &weights, &used),
+                || add_slopes(from, to, dt_s, &slopes, &weights, used),
             );
         }
         let row = self.rows.drives_of(&state.extra);

@@ -137,16 +137,14 @@ impl Splitting {
 
     /// A kick of `kick_s` by the forces evaluated last, and the work that drives do meanwhile.
     fn kick_with(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
-        let before: Vec<f64> = match &others.drives {
-            None => Vec::new(),
-            Some(drives) => (0..drives.count()).map(|d| drives.velocity_at(d, &state.v_m_s)).collect(),
-        };
-        let moved_net: Vec<f64> = match &others.drives {
-            None => Vec::new(),
-            Some(drives) => {
-                (0..drives.count()).map(|d| self.net_of_moved(drives, d, others, state)).collect()
-            }
-        };
+        if let Some(drives) = &others.drives {
+            let mut before = std::mem::take(&mut others.before_kick);
+            before.clear();
+            before.extend((0..drives.count()).map(|d| {
+                (drives.velocity_at(d, &state.v_m_s), self.net_of_moved(drives, d, others, state))
+            }));
+            others.before_kick = before;
+        }
         if self.kernel.sites().is_none() {
             self.kernel.sweep(&[Pass::Kick { kick_s }], &mut state.u_m, &mut state.v_m_s);
         } else {
@@ -154,15 +152,15 @@ impl Splitting {
         }
         let Some(drives) = &others.drives else { return };
         let [.., row] = others.rows.split_mut(&mut state.extra);
-        for (d, now) in others.now.iter().enumerate() {
+        for (d, (now, (before_m_s, net_n))) in others.now.iter().zip(&others.before_kick).enumerate() {
             let work_j = match drives.acts(d) {
                 Acts::Pushes(bead) => {
                     state.v_m_s[bead] += kick_s * self.kernel.inverse_mass()[bead] * now.force_n;
-                    kick_s * now.force_n * (0.5 * (before[d] + state.v_m_s[bead]))
+                    kick_s * now.force_n * (0.5 * (before_m_s + state.v_m_s[bead]))
                 }
                 Acts::Wall(0) => kick_s * (self.kernel.forces_at(0)[0] * now.v_m_s),
                 Acts::Wall(_) => -(kick_s * (self.kernel.forces_at(state.u_m.len() - 1)[1] * now.v_m_s)),
-                Acts::Moves(_) => -(kick_s * (moved_net[d] * now.v_m_s)),
+                Acts::Moves(_) => -(kick_s * (net_n * now.v_m_s)),
             };
             row[2 * d] += work_j;
         }

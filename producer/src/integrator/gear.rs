@@ -6,12 +6,11 @@
 //!
 //! ```text
 //! predict   p_k = Σ_{j ≥ k} binomial(j, k)·q_j            the series, one step later
-//! evaluate  a = F(p_0, p_1/dt)·dt²/2m                     at the predicted motion
+//! evaluate  a = F(p_0)·dt²/2m                             at the predicted displacements
 //! correct   q_k = p_k + c_k·(a − p_2)                     c = 3/20, 251/360, 1, 11/18, 1/6, 1/60
 //! ```
 //!
-//! `c_0` is 3/20, the value for forces that depend on displacements; with forces that depend on velocities the
-//! usual value is 3/16, but 3/20 has the same order and a smaller error there too (`docs/NUMERICS.md`).
+//! `c_0` is 3/20, the value for forces that depend on displacements.
 //!
 //! A step is a pure function of (u, v, extra): the polynomials are part of the state, and what an integrator
 //! keeps from step to step is only which beads are at rest.
@@ -19,16 +18,15 @@
 //! # Source
 //! C. W. Gear, *Numerical Initial Value Problems in Ordinary Differential Equations* (Prentice-Hall, 1971),
 //! section 9.2; M. P. Allen and D. J. Tildesley, *Computer Simulation of Liquids* (Oxford, 1987), section
-//! 3.2 and appendix E, with 3/20 and 3/16 for `c_0`.
+//! 3.2 and appendix E.
 
-mod dissipation;
+mod taylor;
 
-use crate::kernel::{Activity, Kernel, Pushed};
+use crate::kernel::{Activity, Kernel, Pass, Pushed};
 use crate::state::ChainState;
-use dissipation::Dissipation;
-use schemas::chain::Chain;
 use schemas::simd::{ordered_sum, vectorized};
 use std::ops::Range;
+pub(super) use taylor::taylor_terms;
 
 /// The corrector's coefficients; that of `q2` is 1.
 const C0: f64 = 3.0 / 20.0;
@@ -53,15 +51,12 @@ pub(crate) struct Gear {
     dt_s: f64,
     /// The step that the window of the kernel belongs to.
     window_of_step: Option<u64>,
-    /// What contacts dissipate, if they do.
-    dissipation: Option<Dissipation>,
 }
 
 impl Gear {
-    /// Steps of `dt_s` with the forces of `kernel`, which is one of `chain`.
-    pub(crate) fn new(dt_s: f64, chain: &Chain, kernel: Kernel) -> Self {
-        let dissipation = chain.damping.as_ref().map(|_| Dissipation::new(chain.bead_count()));
-        Self { kernel, dt_s, window_of_step: None, dissipation }
+    /// Steps of `dt_s` with the forces of `kernel`, whose contacts are not damped.
+    pub(crate) fn new(dt_s: f64, kernel: Kernel) -> Self {
+        Self { kernel, dt_s, window_of_step: None }
     }
 
     /// Advances `state` by one step.
@@ -75,7 +70,7 @@ impl Gear {
             #[inline(always)]
             || predict(self.dt_s, terms),
         );
-        self.kernel.evaluate_forces_of_motion(&mut state.u_m, &mut state.v_m_s);
+        self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
         // a bead that a contact pushes for the first time is at rest, and so is its prediction
         let pushed = self.kernel.pushed();
         let terms = Terms::of(state, &pushed.beads);
@@ -84,9 +79,6 @@ impl Gear {
             #[inline(always)]
             || correct(self.dt_s, &pushed, terms),
         );
-        if let Some(dissipation) = &mut self.dissipation {
-            dissipation.add_work_of_step(self.dt_s, &self.kernel, state);
-        }
         state.step += 1;
         self.window_of_step = Some(state.step);
     }
@@ -96,9 +88,6 @@ impl Gear {
         let of_motion = Activity::of(&state.u_m, &state.v_m_s);
         let terms = state.extra.chunks_exact(state.u_m.len()).take(TERMS_IN_EXTRA);
         self.kernel.restart(terms.fold(of_motion, Activity::including));
-        if let Some(dissipation) = &mut self.dissipation {
-            dissipation.restart();
-        }
     }
 
     /// The first bead of `state` whose displacement, velocity or a higher derivative is not finite.
