@@ -326,7 +326,7 @@ pub(crate) struct Overrides {
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
     beadline sweep --example > reflection.toml           a sweep file to start from\n  \
-    beadline sweep reflection.toml --out reflection      all points, on all cores; goes on if run again\n  \
+    beadline sweep reflection.toml --out reflection      all points, on all cores; or goes on\n  \
     beadline sweep reflection.toml --out all --shard 3/16   one job of an array of 16\n  \
     beadline sweep --merge all                           tables of the rows that are there\n  \
     beadline sweep reflection.toml --plan --cores 1000   an estimate from a few of its points\n  \
