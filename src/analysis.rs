@@ -107,12 +107,13 @@ impl<'a> Session<'a> {
     /// A publisher of results, if the source is live and nobody else publishes them.
     pub(crate) fn results<T: ResultElement>(
         &self,
-        topic: Topic,
+        name: &str,
         columns: &ResultColumns,
     ) -> Result<Option<ResultPublisher<T>>, Failure> {
         let Some((bus, stream)) = self.live.as_ref().filter(|_| self.publishes) else {
             return Ok(None);
         };
+        let topic = Topic::results(name).map_err(Error::msg)?;
         let run = &self.manifest().provenance.name;
         match ResultPublisher::create(bus, run, topic, *stream, columns, Arc::clone(&self.stop)) {
             Ok(publisher) => Ok(Some(publisher)),
@@ -365,16 +366,16 @@ pub(crate) struct ResultRows {
 }
 
 impl ResultRows {
-    /// Rows of these columns, as results on `topic`, and in the table `out`.
+    /// Rows of these columns, as results called `name`, and in the table `out`.
     pub(crate) fn open(
         session: &Session<'_>,
-        topic: Topic,
+        name: &str,
         published: &ResultColumns,
         out: Option<&PathBuf>,
     ) -> Result<Self, Failure> {
         let columns: Vec<_> = ROW_HEAD.into_iter().chain(published.names.split(',')).collect();
         let table = table(out, &columns, session.args.force)?;
-        Ok(Self { table, publisher: session.results(topic, published)? })
+        Ok(Self { table, publisher: session.results(name, published)? })
     }
 
     /// Writes the row of `frame`; what is not defined there is NaN on the bus, and left out in the table.

@@ -16,7 +16,7 @@ use consumers::table::Table;
 use recording::{ContactsReader, ContactsRow, ContactsWriter, RecordingInfo, WriteOptions};
 use schemas::frame::Frame;
 use schemas::manifest::{Provenance, RunManifest};
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::ResultColumns;
 use serde_json::{Value, json};
 use source::Named;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ pub(crate) fn contacts(args: &ContactsArgs) -> Result<Done, Failure> {
                 ContactsWriter::create(path, &manifest, &WriteOptions { force, ..WriteOptions::default() })
             })
             .transpose()?,
-        publisher: session.results(Topic::Contacts, &published)?,
+        publisher: session.results("contacts", &published)?,
     };
     let tally = session.follow(&mut outputs)?;
 

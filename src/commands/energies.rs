@@ -13,7 +13,7 @@ use consumers::follow::Analysis;
 use consumers::series::Series;
 use consumers::uncertain::Uncertain;
 use schemas::frame::Frame;
-use schemas::results::{ENERGIES, ResultColumns, Topic};
+use schemas::results::{ENERGIES, ResultColumns};
 use serde_json::{Value, json};
 
 /// The analysis and its outputs.
@@ -48,12 +48,7 @@ pub(crate) fn energies(args: &EnergiesArgs) -> Result<Done, Failure> {
     let mut outputs = Outputs {
         energies: Energies::new(&manifest, split_bead),
         curves: (!args.common.figure.is_empty()).then(Series::default),
-        rows: ResultRows::open(
-            &session,
-            Topic::Energies,
-            &ResultColumns::named(&ENERGIES),
-            args.out.as_ref(),
-        )?,
+        rows: ResultRows::open(&session, "energies", &ResultColumns::named(&ENERGIES), args.out.as_ref())?,
     };
     let tally = session.follow(&mut outputs)?;
 

@@ -13,7 +13,7 @@ use consumers::series::Series;
 use consumers::table::Table;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::ResultColumns;
 use serde_json::{Value, json};
 
 /// Events kept for the summary and the figure; the table has all of them.
@@ -75,7 +75,7 @@ pub(crate) fn impurity(args: &ImpurityArgs) -> Result<Done, Failure> {
         events: Vec::new(),
         event_count: 0,
         event_table: table(args.events.as_ref(), &event_columns, args.common.frames.force)?,
-        rows: ResultRows::open(&session, Topic::Impurity, &published, args.out.as_ref())?,
+        rows: ResultRows::open(&session, "impurity", &published, args.out.as_ref())?,
         row: Vec::with_capacity(published.width),
     };
     let tally = session.follow(&mut outputs)?;

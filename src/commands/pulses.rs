@@ -17,7 +17,7 @@ use producer::resimulation::check_kernel;
 use recording::RecordingSource;
 use schemas::frame::{Frame, FrameSource};
 use schemas::manifest::RunManifest;
-use schemas::results::{PULSE, ResultColumns, Topic};
+use schemas::results::{PULSE, ResultColumns};
 use serde_json::{Value, json};
 use source::Named;
 
@@ -115,7 +115,7 @@ pub(crate) fn pulses(args: &PulsesArgs) -> Result<Done, Failure> {
         strongest: Strongest::new(drawn),
         map: drawn.then(|| Picture::new(Extent { places: 0..bead_count, steps: session.steps() })),
         tables: Tables::create(args)?,
-        publisher: session.results(Topic::Pulses, &published)?,
+        publisher: session.results("pulses", &published)?,
         row: Vec::with_capacity(published.width),
     };
     let tally = session.follow(&mut outputs)?;

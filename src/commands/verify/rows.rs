@@ -9,9 +9,10 @@ use consumers::impurity::{Followed, Motion};
 use energies::EnergyRows;
 use producer::resimulation::Lend;
 use producer::verification::Verification;
-use recording::{RecordedRow, RecordedRows, RecordedValues};
+use recording::{RecordedRow, RecordedRows};
 use schemas::frame::{Frame, FrameSource, Received};
 use schemas::manifest::RunManifest;
+use schemas::results::RowValues;
 use serde::Serialize;
 use source::Source;
 use std::num::NonZero;
@@ -87,8 +88,8 @@ pub(crate) fn check(
             checked.push(not_checked("because something is wrong with the file or its states".to_owned()));
             continue;
         }
-        match RecordedRows::open(path, topic).bad_input()? {
-            Some(rows) => readers.push(Reader::new(rows, &found.manifest)),
+        match Checker::of(topic, &found.manifest) {
+            Some(checker) => readers.push(Reader::new(RecordedRows::open(path, topic).bad_input()?, checker)),
             None => checked.push(not_checked("which this program does not make again".to_owned())),
         }
     }
@@ -105,11 +106,10 @@ pub(crate) fn check(
     for reader in &mut readers {
         if let Checker::Energies(energies) = &reader.checker
             && let Some(split) = energies.other_split(&found.manifest)
-            && let Some(rows) = RecordedRows::open(path, reader.rows.topic()).bad_input()?
         {
-            let mut again = Reader::new(rows, &found.manifest);
-            again.checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
-            let mut again = [again];
+            let rows = RecordedRows::open(path, reader.rows.topic()).bad_input()?;
+            let checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
+            let mut again = [Reader::new(rows, checker)];
             pass(&mut again)?;
             let [again] = again;
             if again.found.difference_count < reader.found.difference_count {
@@ -148,15 +148,21 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
     Ok(())
 }
 
+impl Checker {
+    /// The analysis whose rows `topic` has; none if they cannot be made again.
+    fn of(topic: &str, manifest: &RunManifest) -> Option<Self> {
+        match topic {
+            "/energies" => Some(Self::Energies(Box::new(EnergyRows::of(manifest)))),
+            "/impurity" => Some(Self::Impurity(None)),
+            "/contacts" => Some(Self::Contacts(None)),
+            _ => None,
+        }
+    }
+}
+
 impl Reader {
-    fn new(rows: RecordedRows, manifest: &RunManifest) -> Self {
-        let topic = rows.topic().to_owned();
-        let checker = match topic.as_str() {
-            "/energies" => Checker::Energies(Box::new(EnergyRows::of(manifest))),
-            "/impurity" => Checker::Impurity(None),
-            _ => Checker::Contacts(None),
-        };
-        let found = RowsChecked { topic, ..RowsChecked::default() };
+    fn new(rows: RecordedRows, checker: Checker) -> Self {
+        let found = RowsChecked { topic: rows.topic().to_owned(), ..RowsChecked::default() };
         let mut reader = Self { rows, next: None, stateless_count: 0, checker, found };
         reader.advance();
         reader
@@ -180,22 +186,20 @@ impl Reader {
             self.advance();
         }
         let row = self.next.as_ref().filter(|row| row.frame == frame.frame);
-        let wrong = match (&mut self.checker, row.map(|row| &row.values)) {
+        let wrong = match (&mut self.checker, row.map(|row| (row, row.values.lend()))) {
             // they know what was before the first row
-            (Checker::Energies(energies), values) => {
-                let values = values.and_then(|values| match values {
-                    RecordedValues::Energies(values) => Some(values),
-                    _ => None,
-                });
-                energies.take(frame, values)
+            (Checker::Energies(energies), None) => energies.take(frame, None),
+            (_, None) => return,
+            (Checker::Energies(energies), Some((_, RowValues::Numbers(values)))) => {
+                energies.take_named(frame, &self.rows.names(), values)
             }
-            (Checker::Impurity(followed), Some(RecordedValues::Impurity { beads, values })) => {
-                motion(followed, manifest, frame, beads, values)
+            (Checker::Impurity(followed), Some((row, RowValues::Numbers(values)))) => {
+                motion(followed, manifest, frame, &row.things, values)
             }
-            (Checker::Contacts(contacts), Some(RecordedValues::Contacts { tolerance_m, classes })) => {
-                classes_differ(contacts, manifest, frame, *tolerance_m, classes)
+            (Checker::Contacts(contacts), Some((row, RowValues::Classes(classes)))) => {
+                classes_differ(contacts, manifest, frame, row.tolerance_m.unwrap_or(f64::NAN), classes)
             }
-            _ => return,
+            (_, Some(_)) => Some("its values are of another type".to_owned()),
         };
         if row.is_some() {
             self.found.compare(frame.frame, wrong);
@@ -233,7 +237,7 @@ fn motion(
     manifest: &RunManifest,
     frame: &Frame<'_>,
     beads: &[u64],
-    values: &[[f64; 4]],
+    values: &[f64],
 ) -> Option<String> {
     if let Some(bead) = beads.iter().find(|bead| **bead >= manifest.physics.beads) {
         return Some(format!("there is no bead {bead}"));
@@ -243,7 +247,8 @@ fn motion(
     }
     let (_, followed) = followed.as_mut()?;
     let (motions, _) = followed.observe(frame);
-    motions.iter().map(Motion::values).zip(values).zip(beads).find_map(|((computed, found), bead)| {
+    let (found, _) = values.as_chunks::<{ Motion::QUANTITIES.len() }>();
+    motions.iter().map(Motion::values).zip(found).zip(beads).find_map(|((computed, found), bead)| {
         let differs = (0..4).find(|quantity| !is_same(computed[*quantity], found[*quantity]))?;
         let (name, unit) = Motion::QUANTITIES[differs];
         let (found, computed) = (found[differs], computed[differs]);
