@@ -110,15 +110,18 @@ impl<'a> Session<'a> {
         self.window.steps(self.manifest())
     }
 
-    /// A publisher of results, if the source is live and nobody else publishes them.
-    pub(crate) fn results<T: ResultElement>(
+    /// A publisher of the results of an analysis, if the source is live and nobody else publishes them.
+    fn results<T: ResultElement>(
         &self,
-        topic: Topic,
+        offer: &Offer,
         columns: &ResultColumns,
     ) -> Result<Option<ResultPublisher<T>>, Failure> {
         let Some((bus, stream)) = self.live.as_ref().filter(|_| self.publishes) else {
             return Ok(None);
         };
+        let name = offer.name;
+        let topic = if analyses::is_added(offer) { Topic::own(name) } else { Topic::results(name) };
+        let topic = topic.map_err(Error::msg)?;
         let run = &self.manifest().provenance.name;
         match ResultPublisher::create(bus, run, topic, *stream, columns, Arc::clone(&self.stop)) {
             Ok(publisher) => Ok(Some(publisher)),
@@ -328,15 +331,4 @@ pub(crate) fn draw(
 pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> Result<Range<usize>, Failure> {
     let beads = asked.unwrap_or_default().of(manifest.physics.beads);
     beads.map_err(|why| bad_input!("--beads {why}"))
-}
-
-/// The topic on the bus of an analysis.
-fn topic_of(offer: &Offer) -> Option<Topic> {
-    match offer.name {
-        "energies" => Some(Topic::Energies),
-        "impurity" => Some(Topic::Impurity),
-        "contacts" => Some(Topic::Contacts),
-        "pulses" => Some(Topic::Pulses),
-        name => Topic::own(name).ok(),
-    }
 }

@@ -42,7 +42,7 @@ pub mod own {
     //! Everything that an analysis of one's own needs: see `examples/own_analysis.rs`.
 
     pub use consumers::analysis::{
-        Allowed, Analysis, Beginning, Kind, Meaning, Needs, Number, Offer, Outlet, Refusal, Report,
+        Allowed, Analysis, Beginning, Kind, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report,
         RowValues, Setting, Settings, TableFlag, Takes, Whereabouts, Words, frame_columns,
     };
     pub use consumers::series::Series;

@@ -13,7 +13,7 @@ use crate::table::{Cell, Column};
 use figure::{Figure, FigureError};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::ResultColumns;
+use schemas::results::{KeptValues, ResultColumns};
 use schemas::text::shown;
 use serde_json::Value;
 use std::borrow::Cow;
@@ -21,7 +21,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 pub use crate::table::Kind;
-pub use recording::RowValues;
+pub use schemas::results::RowValues;
 
 /// An analysis before it looks at a run.
 #[derive(Debug)]
@@ -155,6 +155,8 @@ pub struct Needs {
     pub last_frame_only: bool,
     /// It can be redrawn from the rows that it published: [`Analysis::recall`].
     pub takes_own_rows: bool,
+    /// The way in which a recorded row can be made again.
+    pub remake: Remake,
     /// The most steps between frames with which it sees what it looks for; recordings with fewer frames are recomputed.
     pub longest_interval_steps: Option<fn(&RunManifest) -> Option<u64>>,
 }
@@ -165,8 +167,32 @@ impl Needs {
         takes_configurations: false,
         last_frame_only: false,
         takes_own_rows: false,
+        remake: Remake::Not,
         longest_interval_steps: None,
     };
+}
+
+/// The way in which a recorded row can be made again, so that `beadline verify` proves it.
+#[derive(Debug, Default)]
+pub enum Remake {
+    /// None: a row depends on frames before, or on settings that it does not tell.
+    #[default]
+    Not,
+    /// A row is a function of its frame.
+    OfFrame,
+    /// The same, with the numbers of the things that it is about as this setting.
+    OfThings(&'static str),
+    /// The same, with its tolerance as this setting.
+    OfTolerance(&'static str),
+    /// The same, with values of a setting that the names of its columns tell.
+    OfNames {
+        /// Name of the setting.
+        setting: &'static str,
+        /// Settings that are set with it.
+        also: &'static [&'static str],
+        /// The value that a name tells, if it does.
+        value: fn(&str) -> Option<String>,
+    },
 }
 
 /// A run and what is asked about it.
@@ -344,7 +370,7 @@ impl dyn Outlet + '_ {
 
 /// Keeps the last row that was published.
 #[derive(Debug, Clone, Default)]
-pub struct LastRow(Vec<f64>);
+pub struct LastRow(Option<KeptValues>);
 
 impl LastRow {
     /// A number of the summary of `analysis` once it has finished, from its rows if it gives none.
@@ -358,15 +384,23 @@ impl LastRow {
         let of_row = || {
             let published = offer.published(analysis)?;
             let place = published.names.split(',').position(|column| column == name)?;
-            self.0.get(place).copied().map(Number::Double)
+            self.values()?.numbers().get(place).copied().map(Number::Double)
         };
         analysis.value(name, word).or_else(of_row)
     }
 
+    /// The row, if there is one.
+    pub fn values(&self) -> Option<RowValues<'_>> {
+        self.0.as_ref().map(KeptValues::lend)
+    }
+
     /// Keeps a row.
-    pub fn take(&mut self, row: &[f64]) {
-        self.0.clear();
-        self.0.extend_from_slice(row);
+    pub fn take(&mut self, row: RowValues<'_>) {
+        match (&mut self.0, row) {
+            (Some(KeptValues::Numbers(kept)), RowValues::Numbers(row)) => row.clone_into(kept),
+            (Some(KeptValues::Classes(kept)), RowValues::Classes(row)) => row.clone_into(kept),
+            (kept, row) => *kept = Some(row.into()),
+        }
     }
 }
 
@@ -382,9 +416,7 @@ impl Outlet for LastRow {
     }
 
     fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
-        if let RowValues::Numbers(row) = row {
-            self.take(row);
-        }
+        self.take(row);
     }
 }
 

@@ -294,7 +294,7 @@ pub struct RowsHead {
     pub width: usize,
     /// Names of the columns.
     pub names: String,
-    /// Largest overlap or gap (m) that counts as touching, for classes of contacts.
+    /// Largest overlap or gap (m) that counts as touching, for classes of contacts; none for numbers.
     pub tolerance_m: Option<f64>,
     /// No more rows come: in order, or because the publisher is gone.
     pub ended: Option<bool>,
@@ -305,6 +305,21 @@ impl RowsHead {
     pub fn new(topic: Topic, columns: &ResultColumns) -> Self {
         let ResultColumns { width, names, tolerance_m } = columns.clone();
         Self { topic: topic.as_str().to_owned(), width, names, tolerance_m, ended: None }
+    }
+
+    /// The topic.
+    ///
+    /// # Errors
+    /// When it is none that carries results.
+    pub fn topic(&self) -> Result<Topic, MessageError> {
+        let name = self.topic.parse().map(Topic::Results);
+        name.map_err(|why| garbage(format_args!("results called `{}`: {why}", self.topic)))
+    }
+
+    /// Bytes of a row with the number of its frame: numbers have 8 each, classes 1.
+    pub fn row_bytes(&self) -> usize {
+        let each = if self.tolerance_m.is_some() { 1 } else { 8 };
+        self.width.saturating_mul(each).saturating_add(8)
     }
 
     /// The columns.
@@ -396,11 +411,6 @@ pub enum Message<'a> {
     },
 }
 
-/// Bytes of a value of a topic.
-pub fn value_bytes(topic: Topic) -> usize {
-    if topic == Topic::Contacts { 1 } else { 8 }
-}
-
 impl<'a> Message<'a> {
     /// Reads it from bytes, about the run of `manifest`.
     ///
@@ -429,8 +439,8 @@ impl<'a> Message<'a> {
                     words.take().and_then(|length| usize::try_from(length).ok()).ok_or_else(short)?;
                 let (head, rows) = words.0.split_at_checked(length).ok_or_else(short)?;
                 let head: RowsHead = from_json(head, MOST_HEAD_BYTES)?;
-                let each = head.topic()?.1.saturating_mul(head.width).saturating_add(8);
-                bounds::check_rows(rows, each, manifest)?;
+                head.topic()?;
+                bounds::check_rows(rows, head.row_bytes(), manifest)?;
                 Ok(Self::Rows { head, rows })
             }
             END => {
@@ -443,22 +453,6 @@ impl<'a> Message<'a> {
             }
             kind => Err(garbage(format_args!("a message of kind {kind}"))),
         }
-    }
-}
-
-impl RowsHead {
-    /// The topic, and the bytes of each of its values.
-    ///
-    /// # Errors
-    /// When it is none that carries results.
-    pub fn topic(&self) -> Result<(Topic, usize), MessageError> {
-        let ours = [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses];
-        let topic = match self.topic.strip_prefix("own/") {
-            Some(name) => Topic::own(name).ok(),
-            None => ours.into_iter().find(|topic| topic.as_str() == self.topic),
-        };
-        let topic = topic.ok_or_else(|| garbage(format_args!("results called `{}`", self.topic)))?;
-        Ok((topic, value_bytes(topic)))
     }
 }
 

@@ -223,7 +223,12 @@ impl Method {
     /// `dt^(α+1)`; half of it where they do so `again_and_again`.
     ///
     /// With `rkn4` it is at most 0.0075 up to α = 1.5, and a straight line to 0.02 at α = 2, but for the chains of the paper.
-    pub(crate) fn struck_step_fraction(self, alpha: f64, is_of_the_paper: bool, again_and_again: bool) -> f64 {
+    pub(crate) fn struck_step_fraction(
+        self,
+        alpha: f64,
+        is_of_the_paper: bool,
+        again_and_again: bool,
+    ) -> f64 {
         let usual = self.default_step_fraction(alpha);
         if !self.row().step.1 {
             return usual;

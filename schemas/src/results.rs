@@ -1,9 +1,13 @@
-//! Results of analyses: their topics and what the elements of a row mean.
+//! Results of analyses: their topics, their rows, and what the elements of a row mean.
 
 mod columns;
 mod kinds;
+mod row;
+mod things;
 mod topic;
 
 pub use columns::{MOST_NAMES_BYTES, ResultColumns};
-pub use kinds::{ENERGIES, MOTION, MOTION_FIELDS, PULSE};
-pub use topic::{OwnTopic, Topic};
+pub use kinds::{ENERGIES, MOTION, PULSE};
+pub use row::{KeptValues, ResultRow, RowValues};
+pub use things::{Things, ThingsNumbers};
+pub use topic::{ResultsName, Topic};

@@ -147,10 +147,9 @@ impl Kept {
 
 impl Publisher {
     fn open(session: &Session<'_>, asked: &AskedAnalysis, columns: &ResultColumns) -> Result<Self, Failure> {
-        let Some(topic) = super::topic_of(asked.offer) else { return Ok(Self::None) };
         Ok(match columns.tolerance_m {
-            Some(_) => session.results(topic, columns)?.map_or(Self::None, Self::Classes),
-            None => session.results(topic, columns)?.map_or(Self::None, Self::Numbers),
+            Some(_) => session.results(asked.offer, columns)?.map_or(Self::None, Self::Classes),
+            None => session.results(asked.offer, columns)?.map_or(Self::None, Self::Numbers),
         })
     }
 }
@@ -185,9 +184,9 @@ impl Outlet for Outputs {
             _ => Ok(()),
         };
         self.keep(unless_stopped(done));
-        if let RowValues::Numbers(row) = row {
+        if let RowValues::Numbers(numbers) = row {
             self.kept.last.take(row);
-            for (curve, value) in self.kept.curves.iter_mut().zip(row) {
+            for (curve, value) in self.kept.curves.iter_mut().zip(numbers) {
                 curve.push(time_s, [*value]);
             }
         }

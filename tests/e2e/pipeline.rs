@@ -97,8 +97,15 @@ fn results_are_published_on_the_bus() {
     let run = place.start(&format!("{SMALL} --no-record --wait-for 2"));
     let energies = place.start("energies --out energies.csv");
     let (bus, name) = (place.bus(), "small".parse().unwrap());
-    let attach =
-        || ResultSubscriber::<f64>::attach(&bus, &name, Topic::Energies, Delivery::Lossless, Arc::default());
+    let attach = || {
+        ResultSubscriber::attach(
+            &bus,
+            &name,
+            Topic::results("energies").unwrap(),
+            Delivery::Lossless,
+            Arc::default(),
+        )
+    };
     let mut rows = wait_until("energies on the bus", || attach().unwrap());
     let names = "kinetic_j,potential_j,total_j,left_j,split_j,right_j,dissipated_j,relative_drift,inbound_j,corrected_j,driven_j";
     assert_eq!(rows.columns().names, names);
@@ -108,7 +115,8 @@ fn results_are_published_on_the_bus() {
     loop {
         match rows.receive().unwrap() {
             ResultReceived::Row(row) => {
-                published.push((row.frame, row.values.iter().map(|value| value.to_bits()).collect()));
+                published
+                    .push((row.frame, row.values.numbers().iter().map(|value| value.to_bits()).collect()));
             }
             ResultReceived::End(_) => break,
             ResultReceived::Missed { from, to } => panic!("frames {from} to {to} are missing"),

@@ -6,13 +6,10 @@ use consumers::energies::{Energies, default_split_bead};
 use hostile::checksums;
 use hostile::records::{Chunk, Parts, op};
 use hostile::summary::rebuilt;
-use recording::{
-    BeginRecord, Compression, RecordingSource, RecordingWriter, ResultKind, ResultRow, RowValues,
-    WriteOptions,
-};
+use recording::{BeginRecord, Compression, RecordingSource, RecordingWriter, RowMessages, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::{ResultColumns, ResultRow, RowValues, Topic};
 use serde_json::Value;
 use std::fs;
 
@@ -60,8 +57,8 @@ fn write(
     let mut file =
         RecordingWriter::create_from(&place.path(name), manifest, toml, begin, &options()).unwrap();
     let names = consumers::energies::EnergyRow::COLUMNS.join(",");
-    let columns = ResultColumns { width: 10, names, tolerance_m: None };
-    let kind = ResultKind::new(Topic::Energies, &columns, manifest).unwrap();
+    let columns = ResultColumns { width: 11, names, tolerance_m: None };
+    let messages = RowMessages::new(Topic::results("energies").unwrap(), &columns, manifest).unwrap();
     let mut energies = Energies::new(manifest, split.unwrap_or_else(|| default_split_bead(manifest)));
     for state in states {
         let frame = frame(manifest, state);
@@ -70,7 +67,7 @@ fn write(
         if rows(frame.frame, &mut values) {
             let values = RowValues::Numbers(&values);
             let Frame { frame, step, time_s, .. } = frame;
-            file.write_row(&kind, &ResultRow { frame, step, time_s, values }).unwrap();
+            file.write_row(&messages, &ResultRow { frame, step, time_s, values }).unwrap();
         }
     }
     file.finish(end).unwrap();

@@ -439,14 +439,21 @@ fn pulses_under_way_are_published() {
     let run = place.start("run --preset homogeneous --no-record --wait-for 2 --name live");
     let pulses = place.start("pulses");
     let (bus, name) = (place.bus(), "live".parse().unwrap());
-    let attach =
-        || ResultSubscriber::<f64>::attach(&bus, &name, Topic::Pulses, Delivery::Lossless, Arc::default());
+    let attach = || {
+        ResultSubscriber::attach(
+            &bus,
+            &name,
+            Topic::results("pulses").unwrap(),
+            Delivery::Lossless,
+            Arc::default(),
+        )
+    };
     let mut rows = wait_until("pulses on the bus", || attach().unwrap());
     let second = place.start("contacts");
     let mut last = Vec::new();
     loop {
         match rows.receive().unwrap() {
-            ResultReceived::Row(row) => last = row.values.to_vec(),
+            ResultReceived::Row(row) => last = row.values.numbers().to_vec(),
             ResultReceived::End(_) => break,
             ResultReceived::Missed { .. } => {}
         }

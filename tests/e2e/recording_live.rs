@@ -164,7 +164,7 @@ fn rows_before_the_recorder_listened_are_said_to_be_missing() {
         let (stream, manifest) = (live.stream(), live.manifest().clone());
         drop(live);
         let columns = ResultColumns { width: 11, names: COLUMNS.into(), tolerance_m: None };
-        let topic = Topic::Energies;
+        let topic = Topic::results("energies").unwrap();
         let mut rows =
             ResultPublisher::<f64>::create(&bus, &name, topic, stream, &columns, Arc::default()).unwrap();
         let mut publish = |frame| {

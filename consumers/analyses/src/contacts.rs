@@ -1,7 +1,7 @@
 //! Space-time map of compressed, touching and open contacts.
 
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Report, RowValues, Setting,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Remake, Report, RowValues, Setting,
     TableFlag, Takes, Whereabouts, Words, frame_columns,
 };
 use consumers::contacts::{Class, ContactCounts, Contacts, default_tolerance_m};
@@ -34,7 +34,12 @@ pub static OFFER: Offer = Offer {
     columns: &COLUMNS,
     summary: &COLUMNS,
     place: Whereabouts::Chain,
-    needs: Needs { last_frame_only: true, takes_own_rows: true, ..Needs::FRAMES },
+    needs: Needs {
+        last_frame_only: true,
+        takes_own_rows: true,
+        remake: Remake::OfTolerance("tolerance"),
+        ..Needs::FRAMES
+    },
     begin: |beginning| Ok(Box::new(ContactAnalysis::new(beginning))),
 };
 

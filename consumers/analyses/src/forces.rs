@@ -2,8 +2,8 @@
 
 use crate::places::{ALLOWED, TAKES_PLACE, places};
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
-    Takes, Whereabouts, Words,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, Setting,
+    TableFlag, Takes, Whereabouts, Words,
 };
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
@@ -56,7 +56,15 @@ pub static OFFER: Offer = Offer {
         Meaning::number("rest_force_n", "force at rest"),
     ],
     place: Whereabouts::Of { setting: "at", also: &[], allowed: ALLOWED },
-    needs: Needs::FRAMES,
+    needs: Needs {
+        remake: Remake::OfNames {
+            setting: "at",
+            also: &[],
+            // force_contact_7_n
+            value: |name| Some(name.strip_prefix("force_")?.strip_suffix("_n")?.replace('_', ":")),
+        },
+        ..Needs::FRAMES
+    },
     begin: |beginning| Ok(Box::new(ForceAnalysis::begin(beginning)?)),
 };
 
@@ -99,12 +107,11 @@ impl ForceAnalysis {
         let chain = manifest.physics.chain();
         let places = places(beginning, "at", &chain)?;
         let given = beginning.settings.one("threshold");
-        let threshold_n = given.or_else(|| Peaks::default_threshold_n(&manifest.physics)).ok_or_else(
-            || {
+        let threshold_n =
+            given.or_else(|| Peaks::default_threshold_n(&manifest.physics)).ok_or_else(|| {
                 "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
                     .to_owned()
-            },
-        )?;
+            })?;
         let sensors = Sensors::new(chain);
         let sensor = |place: &Place| Sensor {
             place: *place,

@@ -1,8 +1,8 @@
 //! Motion of an impurity, or of any beads: trajectory, contacts, turning points.
 
 use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
-    Whereabouts, Words,
+    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, Setting, TableFlag,
+    Takes, Whereabouts, Words,
 };
 use consumers::energies::default_split_bead;
 use consumers::impurity::{Event, EventKind, Followed, Motion};
@@ -50,7 +50,7 @@ pub static OFFER: Offer = Offer {
         Meaning::number("overlap_right_m", "last overlap of the contact on its right"),
     ],
     place: Whereabouts::Of { setting: "bead", also: &[], allowed: "a bead such as @12" },
-    needs: Needs::FRAMES,
+    needs: Needs { remake: Remake::OfThings("bead"), ..Needs::FRAMES },
     begin: |beginning| Ok(Box::new(MotionAnalysis::begin(beginning)?)),
 };
 

@@ -1,8 +1,8 @@
 //! Linear modes of a loaded chain: frequencies, bands, shapes, and their energies in a run.
 
 use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
-    Whereabouts, Words, frame_columns,
+    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, Setting, TableFlag,
+    Takes, Whereabouts, Words, frame_columns,
 };
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
@@ -53,7 +53,15 @@ pub static OFFER: Offer = Offer {
         Meaning::number("last_j", "last energy in it"),
     ],
     place: Whereabouts::Of { setting: "mode", also: &["energy"], allowed: "a mode such as @1, the lowest" },
-    needs: Needs { takes_configurations: true, ..Needs::FRAMES },
+    needs: Needs {
+        takes_configurations: true,
+        remake: Remake::OfNames {
+            setting: "mode",
+            also: &["energy"],
+            value: |name| Some(name.strip_prefix("energy_mode_")?.strip_suffix("_j")?.to_owned()),
+        },
+        ..Needs::FRAMES
+    },
     begin: |beginning| Ok(Box::new(ModeAnalysis::begin(beginning)?)),
 };
 

@@ -1,6 +1,6 @@
 //! Spreading of the energy of a chain, and the number of beads that share it.
 
-use consumers::analysis::{Analysis, Beginning, Meaning, Needs, Offer, Outlet, Report};
+use consumers::analysis::{Analysis, Beginning, Meaning, Needs, Offer, Outlet, Remake, Report};
 use consumers::local_energy::bead_energies_j;
 use consumers::series::Series;
 use figure::{Axis, Figure, FigureError, Panel};
@@ -23,7 +23,7 @@ pub static OFFER: Offer = Offer {
         wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
         has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε.",
     columns: &COLUMNS,
-    needs: Needs { last_frame_only: true, ..Needs::FRAMES },
+    needs: Needs { last_frame_only: true, remake: Remake::OfFrame, ..Needs::FRAMES },
     begin: |beginning| Ok(Box::new(Spreading::new(beginning))),
     ..Offer::PLAIN
 };

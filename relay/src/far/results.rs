@@ -1,6 +1,6 @@
 //! Results that come along are published when their frames have been.
 
-use crate::message::{BEGINNINGS_PER_S, MOST_TOPICS, MessageError, RowsHead, garbage, value_bytes};
+use crate::message::{BEGINNINGS_PER_S, MOST_TOPICS, MessageError, RowsHead, garbage};
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use schemas::manifest::RunManifest;
 use schemas::results::Topic;
@@ -85,10 +85,9 @@ impl Results {
 
     /// Takes rows that arrived.
     pub(super) fn take(&mut self, head: &RowsHead, rows: &[u8]) -> Result<(), MessageError> {
-        let (topic, value_bytes) = head.topic()?;
-        let at = self.at(topic, head)?;
+        let at = self.at(head.topic()?, head)?;
         let of_topic = &mut self.topics[at].1;
-        for row in rows.chunks_exact(value_bytes.saturating_mul(head.width).saturating_add(8)) {
+        for row in rows.chunks_exact(head.row_bytes()) {
             let Some((frame, values)) = row.split_first_chunk() else { continue };
             let frame = u64::from_le_bytes(*frame);
             if frame < of_topic.next_frame || matches!(of_topic.publisher, Publisher::None) {
@@ -155,9 +154,10 @@ impl Results {
             let name = &it.manifest.provenance.name;
             ResultPublisher::create(&it.bus, name, topic, it.stream, &head.columns(), Arc::clone(&it.stop))
         }
-        Ok(match value_bytes(topic) {
-            1 => Publisher::Classes(create(self, topic, head)?),
-            _ => Publisher::Numbers(create(self, topic, head)?),
+        Ok(if head.tolerance_m.is_some() {
+            Publisher::Classes(create(self, topic, head)?)
+        } else {
+            Publisher::Numbers(create(self, topic, head)?)
         })
     }
 
@@ -241,7 +241,7 @@ mod tests {
     use schemas::results::ResultColumns;
 
     fn of_topic() -> OfTopic {
-        let head = RowsHead::new(Topic::Energies, &ResultColumns::named(&["a_m"]));
+        let head = RowsHead::new(Topic::own("x").unwrap(), &ResultColumns::named(&["a_m"]));
         let (publisher, waiting) = (Publisher::None, VecDeque::new());
         OfTopic { head, publisher, waiting, next_frame: 3, is_dense: None, has_gap: false }
     }

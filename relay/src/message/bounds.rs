@@ -5,8 +5,7 @@ use schemas::manifest::RunManifest;
 
 /// Longest row of results (bytes): a class for each contact of the longest chain, of 20,000,000 beads.
 pub const MOST_ROW_BYTES: usize = 24 << 20;
-/// Most kinds of results of a run: ours, and more of somebody's own than run beside each other. Each is a service in shared
-/// memory.
+/// Most topics of results of a run: more than run beside each other. Each is a service in shared memory.
 pub const MOST_TOPICS: usize = 32;
 /// Publishers of results that may begin in a second, after one of each kind: each costs the far side a tenth of a second, and
 /// analyses that are started again are fewer.

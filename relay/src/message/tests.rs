@@ -39,7 +39,7 @@ fn rows_come_back() {
     let bytes = message.finish(&head);
     let Message::Rows { head, rows } = Message::decode(&bytes, &manifest()).unwrap() else { panic!() };
     assert_eq!((head.columns(), head.ended, rows.len()), (columns, Some(true), 24));
-    assert_eq!(head.topic().unwrap(), (Topic::own("mine").unwrap(), 8));
+    assert_eq!((head.topic().unwrap(), head.row_bytes()), (Topic::own("mine").unwrap(), 24));
 }
 
 #[test]

@@ -1,13 +1,10 @@
-//! Results that analyses publish on the near bus, each kind in a thread of its own.
+//! Results that analyses publish on the near bus, each topic in a thread of its own.
 
 use crate::log::{Kind, SharedLog};
-use crate::message::{MOST_ROW_BYTES, MOST_TOPICS, RowsHead, RowsMessage, value_bytes};
-use bus::{
-    Bus, Delivery, OwnTopicsWatch, ResultElement, ResultReceived, ResultSubscriber, ResultWatch,
-    ResultsError, StreamId,
-};
+use crate::message::{MOST_ROW_BYTES, MOST_TOPICS, RowsHead, RowsMessage};
+use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, StreamId};
 use schemas::frame::EndReason;
-use schemas::results::Topic;
+use schemas::results::{RowValues, Topic};
 use schemas::run_name::RunName;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -20,30 +17,10 @@ const BATCH_BYTES: usize = 64 << 10;
 const BATCH_PERIOD: Duration = Duration::from_millis(10);
 /// Interval between two searches for a publisher.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
-/// Time for which the near side trusts that publishers of topics that are not ours announce themselves.
-const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
-/// Most topics that are not ours; a far side takes no more.
-const MOST_OWN_TOPICS: usize = MOST_TOPICS - 4;
+/// Time for which the near side trusts that publishers announce themselves.
+const TRUST_PERIOD: Duration = Duration::from_secs(1);
 /// Longest silence of a living publisher after the end of the run.
 const PATIENCE: Duration = Duration::from_secs(2);
-
-/// A value as bytes.
-pub(super) trait Value: ResultElement {
-    /// Least significant byte first.
-    fn bytes(self) -> impl Iterator<Item = u8>;
-}
-
-impl Value for f64 {
-    fn bytes(self) -> impl Iterator<Item = u8> {
-        self.to_le_bytes().into_iter()
-    }
-}
-
-impl Value for u8 {
-    fn bytes(self) -> impl Iterator<Item = u8> {
-        std::iter::once(self)
-    }
-}
 
 /// The threads that send rows of results into a log.
 pub struct RowSenders<P> {
@@ -80,12 +57,9 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         if !started.is_empty() {
             return Ok(());
         }
-        for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
-            started.push(self.spawn(ResultWatch::create(bus, run, topic)?));
-        }
-        let (watch, bus, run) = (OwnTopicsWatch::create(bus, run)?, bus.clone(), run.clone());
+        let watch = Arc::new(ResultsWatch::create(bus, run)?);
         let others = self.another();
-        started.push(thread::spawn(move || others.look_out(&watch, &bus, &run)));
+        started.push(thread::spawn(move || others.look_out(&watch)));
         Ok(())
     }
 
@@ -105,40 +79,19 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         *lock(&self.stream) = Some(stream);
     }
 
-    fn spawn(&self, watch: ResultWatch) -> JoinHandle<()> {
-        let it = self.another();
-        thread::spawn(move || {
-            let sent =
-                if watch.topic() == Topic::Contacts { it.send::<u8>(&watch) } else { it.send::<f64>(&watch) };
-            if let Err(error) = sent {
-                lock(&it.failures).push(error.to_string());
-            }
-        })
-    }
-
-    /// Starts a thread for each topic of somebody else's.
-    fn look_out(&self, watch: &OwnTopicsWatch, bus: &Bus, run: &RunName) {
+    /// Starts a thread for each topic.
+    fn look_out(&self, watch: &Arc<ResultsWatch>) {
         let (mut known, mut looked) = (Vec::new(), None::<Instant>);
-        while self.last_frame.get().is_none() {
+        loop {
+            // who came with the last frame is seen, too
+            let is_last = self.last_frame.get().is_some();
             let came = looked.is_some() && watch.wait(LOOK_PERIOD);
-            if !came && looked.is_some_and(|at| at.elapsed() < OWN_LOOK_PERIOD) {
-                continue;
+            if came || is_last || looked.is_none_or(|at| at.elapsed() >= TRUST_PERIOD) {
+                looked = Some(Instant::now());
+                self.look(watch, &mut known);
             }
-            looked = Some(Instant::now());
-            for topic in watch.topics().unwrap_or_default() {
-                if known.contains(&topic) {
-                    continue;
-                }
-                if known.len() >= MOST_OWN_TOPICS {
-                    let too_many = format!("{topic}: expected at most {MOST_OWN_TOPICS} topics of one's own");
-                    lock(&self.failures).push(too_many);
-                    known.push(topic);
-                    continue;
-                }
-                if let Ok(watch) = ResultWatch::create(bus, run, topic) {
-                    known.push(topic);
-                    lock(&self.started).push(self.spawn(watch));
-                }
+            if is_last || (self.last_frame.get().is_some() && self.is_stopped()) {
+                break;
             }
         }
         for thread in std::mem::take(&mut *lock(&self.started)) {
@@ -146,13 +99,38 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    fn send<T: Value>(&self, watch: &ResultWatch) -> Result<(), ResultsError> {
+    fn look(&self, watch: &Arc<ResultsWatch>, known: &mut Vec<Topic>) {
+        for topic in watch.topics().unwrap_or_default() {
+            if known.contains(&topic) {
+                continue;
+            }
+            if known.len() < MOST_TOPICS {
+                lock(&self.started).push(self.spawn(watch, topic));
+            } else {
+                // a far side takes no more
+                let too_many = format!("{topic}: expected at most {MOST_TOPICS} topics of results");
+                lock(&self.failures).push(too_many);
+            }
+            known.push(topic);
+        }
+    }
+
+    fn spawn(&self, watch: &Arc<ResultsWatch>, topic: Topic) -> JoinHandle<()> {
+        let (it, watch) = (self.another(), Arc::clone(watch));
+        thread::spawn(move || {
+            if let Err(error) = it.send(&watch, topic) {
+                lock(&it.failures).push(error.to_string());
+            }
+        })
+    }
+
+    fn send(&self, watch: &ResultsWatch, topic: Topic) -> Result<(), ResultsError> {
         let mut over_since = None;
         loop {
             let over = self.last_frame.get().is_some();
-            match watch.attach::<T>(Delivery::Lossless, Arc::default())? {
+            match watch.attach(topic, Delivery::Lossless, Arc::default())? {
                 Some(mut rows) => {
-                    self.send_all(&mut rows, watch.topic())?;
+                    self.send_all(&mut rows, topic)?;
                     if self.last_frame.get().is_some() {
                         return Ok(());
                     }
@@ -163,7 +141,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                 {
                     return Ok(());
                 }
-                None => watch.wait(LOOK_PERIOD),
+                None => thread::sleep(LOOK_PERIOD),
             }
         }
     }
@@ -173,12 +151,14 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
     }
 
     /// Sends the rows of one publisher.
-    fn send_all<T: Value>(&self, rows: &mut ResultSubscriber<T>, topic: Topic) -> Result<(), ResultsError> {
+    fn send_all(&self, rows: &mut ResultSubscriber, topic: Topic) -> Result<(), ResultsError> {
         let mut head = RowsHead::new(topic, rows.columns());
-        let each = value_bytes(topic).saturating_mul(head.width).saturating_add(8);
-        if each > MOST_ROW_BYTES {
-            let what = format!("rows of {each} bytes, expected at most {MOST_ROW_BYTES}");
-            return Err(ResultsError::Columns { topic, what });
+        let refused = |what| Err(ResultsError::Columns { topic, what });
+        if head.row_bytes() > MOST_ROW_BYTES {
+            return refused(format!("rows of {} bytes, expected at most {MOST_ROW_BYTES}", head.row_bytes()));
+        }
+        if head.tolerance_m.is_some_and(f64::is_nan) {
+            return refused("classes without a tolerance; say what counts as touching".to_owned());
         }
         let (mut batch, mut count, mut since) = (RowsMessage::default(), 0, Instant::now());
         let mut heard = Instant::now();
@@ -196,7 +176,12 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                         if batch.is_empty() {
                             since = heard;
                         }
-                        batch.push(row.frame, row.values.iter().flat_map(|value| value.bytes()));
+                        match row.values {
+                            RowValues::Numbers(numbers) => {
+                                batch.push(row.frame, numbers.iter().flat_map(|number| number.to_le_bytes()));
+                            }
+                            RowValues::Classes(classes) => batch.push(row.frame, classes.iter().copied()),
+                        }
                         count += 1;
                     }
                 }

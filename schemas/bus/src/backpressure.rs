@@ -3,13 +3,13 @@
 use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
 use super::wire::StateHeader;
-use super::{Bus, Ipc};
+use super::{Bus, Ipc, process_of};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -160,18 +160,17 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         self: &Arc<Self>,
         bus: &Bus,
         node: &Node<Ipc>,
-        service: &SliceService<T>,
         most: usize,
         patience: Duration,
     ) -> Result<Option<Publisher<Ipc, [T], StateHeader>>, PublisherCreateError> {
         let start = Instant::now();
         loop {
             let handler = Arc::clone(self);
-            let builder = service.publisher_builder().initial_max_slice_len(most).max_loaned_samples(1);
+            let builder = self.service.publisher_builder().initial_max_slice_len(most).max_loaned_samples(1);
             match builder.set_backpressure_handler(move |info| handler.decide(info)).create() {
                 Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
                     node.try_cleanup_dead_nodes();
-                    if start.elapsed() >= patience || bus.has_live_publisher(service) {
+                    if start.elapsed() >= patience || bus.has_live_publisher(&self.service) {
                         return Ok(None);
                     }
                     std::thread::sleep(Duration::from_millis(2));
@@ -304,6 +303,16 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
 
     pub(super) fn evicted_count(&self) -> u64 {
         self.evicted_count.load(Ordering::Relaxed)
+    }
+
+    /// The processes that have consumers attached.
+    pub(super) fn processes(&self) -> HashSet<i32> {
+        let mut processes = HashSet::new();
+        self.service.dynamic_config().list_subscribers(|subscriber| {
+            processes.extend(process_of(subscriber.node_id));
+            CallbackProgression::Continue
+        });
+        processes
     }
 
     pub(super) fn subscriber_count(&self) -> usize {

@@ -51,14 +51,14 @@ impl Removed {
 }
 
 /// A file of this user whose name begins with the prefix.
-struct Found {
+struct BusFile {
     path: PathBuf,
     name: String,
     ids: Vec<Id>,
     metadata: Metadata,
 }
 
-impl Found {
+impl BusFile {
     /// iceoryx2 makes its files readable when they are whole.
     fn is_half_made(&self) -> bool {
         self.metadata.len() == 0 || self.metadata.mode() & 0o400 == 0
@@ -69,12 +69,12 @@ impl Found {
     }
 }
 
-fn files_in(directory: &Path, prefix: &str) -> Vec<Found> {
+fn files_in(directory: &Path, prefix: &str) -> Vec<BusFile> {
     files_among(directory, prefix, |_| true)
 }
 
 /// The files of this user that `wanted` chooses by their names.
-fn files_among(directory: &Path, prefix: &str, mut wanted: impl FnMut(&DirEntry) -> bool) -> Vec<Found> {
+fn files_among(directory: &Path, prefix: &str, mut wanted: impl FnMut(&DirEntry) -> bool) -> Vec<BusFile> {
     let user = rustix::process::getuid().as_raw();
     let entries = fs::read_dir(directory).into_iter().flatten().flatten();
     let found = entries.filter_map(|entry| {
@@ -84,12 +84,12 @@ fn files_among(directory: &Path, prefix: &str, mut wanted: impl FnMut(&DirEntry)
         }
         let metadata = entry.metadata().ok()?;
         let ids = Id::all_in(&name);
-        (metadata.uid() == user).then(|| Found { path: entry.path(), name, ids, metadata })
+        (metadata.uid() == user).then(|| BusFile { path: entry.path(), name, ids, metadata })
     });
     found.collect()
 }
 
-fn segments(prefix: &str) -> Vec<Found> {
+fn segments(prefix: &str) -> Vec<BusFile> {
     files_in(Path::new(SEGMENTS), prefix)
 }
 
@@ -251,7 +251,7 @@ fn port_ids(nodes: &Path, prefix: &str) -> HashSet<Id> {
 /// node that lives. Returns the ids of the others. The lock's holder is making none.
 fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed: &mut Removed) -> Vec<Id> {
     // a description can be written to until it is whole
-    let half_made = |file: &Found| file.metadata.len() == 0 || file.metadata.mode() & 0o777 != 0o400;
+    let half_made = |file: &BusFile| file.metadata.len() == 0 || file.metadata.mode() & 0o777 != 0o400;
     for description in files_in(directory, prefix).into_iter().filter(half_made) {
         removed.orphan(&description.path, None);
     }

@@ -19,9 +19,9 @@ pub mod delivery;
 mod leftovers;
 mod live;
 mod manifest_file;
+mod outlet;
 mod position;
 mod publisher;
-mod result_watch;
 mod results;
 mod room;
 mod root;
@@ -38,8 +38,9 @@ pub use backpressure::{ConsumerEvent, Delivery};
 pub use creating::{Waiting, while_waiting};
 pub use live::{AttachError, AttachNotice, AttachOptions, HeldState, LiveError, LiveSource};
 pub use publisher::{PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
-pub use result_watch::{OwnTopicsWatch, ResultWatch};
-pub use results::{ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, Row};
+pub use results::{
+    ResultElement, ResultPublisher, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, Row,
+};
 #[doc(hidden)]
 pub use room::MAX_BUFFER;
 pub use room::RoomError;
@@ -54,6 +55,7 @@ pub use wire::{
 };
 
 use creating::CreationLock;
+use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::node::{Node, NodeBuilder, NodeState};
 use iceoryx2::prelude::{
     CallbackProgression, Config, LogLevel, PortFactory as _, SignalHandlingMode, set_log_level_from_env_or,
@@ -279,6 +281,11 @@ impl fmt::Display for BusNotice {
             _ => write!(f, ", {half_made} of them half-made, so that whoever needed it waited"),
         }
     }
+}
+
+/// The process that registered this node.
+fn process_of(node: UniqueNodeId) -> Option<i32> {
+    node.pid::<Ipc>().ok().map(|process| process.value())
 }
 
 fn node_bytes(node: &Node<Ipc>) -> [u8; 16] {

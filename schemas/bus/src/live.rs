@@ -2,7 +2,6 @@
 
 mod attach;
 
-pub(super) use attach::LATEST_BUFFER;
 pub use attach::{AttachError, AttachNotice, AttachOptions};
 
 use super::board::BoardReader;
@@ -70,6 +69,7 @@ pub struct LiveSource {
     bus: Bus,
     manifest: RunManifest,
     chain: Chain,
+    stream: StreamId,
     following: Following,
     node_id: [u8; 16],
     first_frame: u64,
@@ -90,7 +90,7 @@ impl LiveSource {
 
     /// Which publishing of which run this is.
     pub fn stream(&self) -> StreamId {
-        self.following.stream()
+        self.stream
     }
 
     /// The first frame that is guaranteed to a lossless consumer; misses are counted from here.
@@ -173,11 +173,9 @@ impl LiveSource {
     /// Tells others how far we are.
     fn tell(&mut self, now: Instant) {
         let Some(ports) = &self.ports else { return };
-        let following = &self.following;
-        let (next_frame, missed, stream) =
-            (following.expected(), following.missed_count(), following.stream());
+        let (next_frame, missed) = (self.following.expected(), self.following.missed_count());
         self.teller.tell(now, || {
-            let last = ports.board.status_of(stream).and_then(|status| status.last_frame());
+            let last = ports.board.status_of(self.stream).and_then(|status| status.last_frame());
             let behind = last.map_or(0, |last| (last + 1).saturating_sub(next_frame));
             Position { next_frame, behind, missed }
         });

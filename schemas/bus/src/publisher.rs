@@ -7,6 +7,7 @@ pub use opening::PublishError;
 use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
 use super::board::{BoardWriter, unix_ns};
 use super::delivery::Publishing;
+use super::outlet::wait_for_others;
 use super::wire::{
     FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId,
     fill,
@@ -29,8 +30,6 @@ use std::time::{Duration, Instant};
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// How often an idle producer looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
-/// How often a finished producer looks whether consumers have left.
-const LEAVING_PERIOD: Duration = Duration::from_millis(5);
 
 /// How a run is published.
 #[derive(Debug, Clone)]
@@ -330,14 +329,7 @@ impl StatePublisher {
             EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
             _ => STATE_FAILED,
         })?;
-        let start = Instant::now();
-        while self.backpressure.subscriber_count() > 0
-            && start.elapsed() < at_most
-            && !stop.load(Ordering::Relaxed)
-        {
-            self.node.try_cleanup_dead_nodes();
-            std::thread::sleep(LEAVING_PERIOD);
-        }
+        wait_for_others(&self.node, stop, at_most, || self.backpressure.subscriber_count() == 0);
         Ok(counts)
     }
 

@@ -9,8 +9,7 @@ use super::{Bus, BusError, Ipc};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, Service as _};
 use schemas::manifest::{RunId, RunManifest};
-use schemas::results::OwnTopic;
-use schemas::results::Topic;
+use schemas::results::{ResultsName, Topic};
 use schemas::run_name::RunName;
 use std::fmt;
 use std::time::{Duration, SystemTime};
@@ -203,16 +202,16 @@ pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
     Ok(names)
 }
 
-/// Somebody else's topics of `run`, in order.
-pub(super) fn own_topics(bus: &Bus, run: &RunName) -> Result<Vec<OwnTopic>, BusError> {
-    let mut topics: Vec<OwnTopic> = Vec::new();
+/// The results of `run` that have services, in order.
+pub(super) fn results_of(bus: &Bus, run: &RunName) -> Result<Vec<ResultsName>, BusError> {
+    let mut found: Vec<ResultsName> = Vec::new();
     each_service(bus, |name| {
-        let own = name.strip_prefix(run.as_str()).and_then(|topic| topic.strip_prefix("/own/"));
-        topics.extend(own.and_then(|own| own.parse::<OwnTopic>().ok()));
+        let topic = name.strip_prefix(run.as_str()).and_then(|topic| topic.strip_prefix('/'));
+        found.extend(topic.and_then(|topic| topic.parse::<ResultsName>().ok()));
     })?;
-    topics.sort_by(|one, other| one.as_str().cmp(other.as_str()));
-    topics.dedup();
-    Ok(topics)
+    found.sort();
+    found.dedup();
+    Ok(found)
 }
 
 /// Calls `see` with the name of every service, without `beadline/`.

@@ -8,6 +8,7 @@ use iceoryx2::prelude::{
     AttributeSpecifier, MessagingPattern, PortFactory as _, SemanticString as _, Service as _, ServiceName,
     ZeroCopySend,
 };
+use iceoryx2::service::ServiceDetails;
 use iceoryx2::service::attribute::{AttributeKey, AttributeSet, AttributeValue};
 use iceoryx2::service::builder::blackboard::{BlackboardCreateError, BlackboardOpenError};
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
@@ -31,6 +32,8 @@ pub(super) type BoardService = blackboard::PortFactory<Ipc, u64>;
 pub(super) const MAX_SUBSCRIBERS: usize = 16;
 /// Samples that one consumer may hold at a time.
 pub const BORROWED: usize = 2;
+/// Queue of a `latest` consumer: with a longer one it would see older frames.
+pub(super) const LATEST_BUFFER: usize = 2;
 /// Most processes that have a service open.
 const MAX_NODES: usize = 64;
 /// How long opening waits for a service that is being created or removed, after iceoryx2 has waited.
@@ -158,6 +161,16 @@ pub(super) fn check_schema(bus: &Bus, run: &RunName, topic: Topic) -> Result<(),
         return Ok(());
     }
     Err(BusError::Version { service: text_of(run, topic), found, expected: SCHEMA_VERSION })
+}
+
+/// The type of the elements of a topic of slices, if it is there.
+pub(super) fn element_of(bus: &Bus, run: &RunName, topic: Topic) -> Result<Option<String>, BusError> {
+    let details = Ipc::details(&service_name(run, topic)?, bus.config(), MessagingPattern::PublishSubscribe);
+    let types = |details: &ServiceDetails<Ipc>| {
+        details.static_details.publish_subscribe().message_type_details().payload.type_name().to_string()
+    };
+    // one that is being made is there later
+    Ok(details.ok().flatten().as_ref().map(types))
 }
 
 impl BusError {
@@ -297,7 +310,7 @@ pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Ev
     event_service(node, &text_of(run, topic))
 }
 
-/// The event service by which publishers of somebody else's topics announce themselves.
+/// The event service by which publishers of results announce themselves.
 pub(super) fn announcements(node: &Node<Ipc>, run: &RunName) -> Result<EventService, BusError> {
     event_service(node, &format!("beadline/{run}/own"))
 }

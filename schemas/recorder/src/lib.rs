@@ -1,14 +1,15 @@
 //! The frames and the results of a live run on their way into one recording: one thread for the frames, one for each
-//! kind of results.
+//! topic of results.
 
 mod rows;
 
 pub use rows::{RowTally, RowThreads};
 
 use bus::StreamId;
-use recording::{DiskWatch, Finished, PartsWriter, ResultKind, ResultRow, WriteError};
+use recording::{DiskWatch, Finished, PartsWriter, RowMessages, WriteError};
 use schemas::frame::{EndReason, Frame, FrameSink as _, HeldFrame};
 use schemas::manifest::RunManifest;
+use schemas::results::ResultRow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -110,29 +111,33 @@ impl Recorder {
         self.state().recording()?.map_or(Ok(()), |recording| recording.parts.accept(frame))
     }
 
-    /// Records a row of `stream`; `kind` says what it is, and is given back if it was asked.
+    /// Records a row of `stream` as one of `messages`, which are made with the first row.
     fn write_row(
         &self,
         stream: StreamId,
         row: &ResultRow<'_>,
-        kind: impl FnOnce(&RunManifest) -> Result<ResultKind, String>,
-    ) -> Result<(RowFate, Option<ResultKind>), String> {
+        messages: &mut Option<RowMessages>,
+        make: impl FnOnce(&RunManifest) -> Result<RowMessages, String>,
+    ) -> Result<RowFate, String> {
         let mut state = self.state();
         let is_full = state.is_full;
         let last_frame = state.end.map_or(u64::MAX, |end| end.last_frame.unwrap_or(0));
-        let Some(recording) = &mut state.recording else { return Ok((RowFate::TooEarly, None)) };
+        let Some(recording) = &mut state.recording else { return Ok(RowFate::TooEarly) };
         if is_full
             || stream != recording.stream
             || row.frame < recording.first_frame
             || row.frame > last_frame
         {
-            return Ok((RowFate::NotOurs, None));
+            return Ok(RowFate::NotOurs);
         }
-        let kind = kind(&recording.manifest)?;
-        match recording.parts.write_row(&kind, row) {
+        let messages = match messages {
+            Some(messages) => messages,
+            None => messages.insert(make(&recording.manifest)?),
+        };
+        match recording.parts.write_row(messages, row) {
             Ok(()) => {
                 recording.has_rows = true;
-                Ok((RowFate::Recorded { joined_at: recording.joined_at }, Some(kind)))
+                Ok(RowFate::Recorded { joined_at: recording.joined_at })
             }
             Err(error @ WriteError::Frame { .. }) => Err(error.to_string()),
             Err(error) => {
@@ -235,9 +240,10 @@ impl<'a> DueFrames<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use recording::{RowValues, Split, WriteOptions};
+    use recording::{Split, WriteOptions};
     use schemas::manifest::{Origin, RunId};
     use schemas::presets::PRESETS;
+    use schemas::results::{ResultColumns, RowValues, Topic};
 
     /// Rows may come before the first frame, and are kept if none comes.
     #[test]
@@ -253,9 +259,9 @@ mod tests {
             let recorder = Recorder::default();
             recorder.begin(parts, &manifest, stream, (0, 0));
             if has_row {
-                let row =
-                    ResultRow { frame: 0, step: 0, time_s: 0.0, values: RowValues::Numbers(&[0.0; 11]) };
-                let (fate, _) = recorder.write_row(stream, &row, |_| Ok(ResultKind::Energies)).unwrap();
+                let row = ResultRow { frame: 0, step: 0, time_s: 0.0, values: RowValues::Numbers(&[0.0]) };
+                let make = |run: &_| RowMessages::new(Topic::own("x")?, &ResultColumns::named(&["a_m"]), run);
+                let fate = recorder.write_row(stream, &row, &mut None, make).unwrap();
                 assert!(matches!(fate, RowFate::Recorded { joined_at: 0 }));
             }
             let finished = recorder.finish(EndReason::Detached).unwrap();

@@ -1,13 +1,10 @@
-//! The results that analyses publish, each kind in a thread of its own.
+//! The results that analyses publish, each topic in a thread of its own.
 
 use super::{Recorder, RowFate};
-use bus::{
-    Bus, Delivery, OwnTopicsWatch, ResultElement, ResultReceived, ResultSubscriber, ResultWatch,
-    ResultsError, Row, StreamId,
-};
-use recording::{ResultKind, ResultRow, RowValues};
+use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, Row, StreamId};
+use recording::RowMessages;
 use schemas::frame::EndReason;
-use schemas::results::{ResultColumns, Topic};
+use schemas::results::{KeptValues, ResultColumns, ResultRow, Topic};
 use schemas::run_name::RunName;
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -23,13 +20,13 @@ const MOST_EARLY_ROWS: usize = 128;
 /// How long to wait for a publisher before looking for one.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 
-/// How long to trust that publishers of topics that are not ours announce themselves: a look takes milliseconds.
-const OWN_LOOK_PERIOD: Duration = Duration::from_secs(1);
+/// How long to trust that publishers announce themselves: a look takes milliseconds.
+const TRUST_PERIOD: Duration = Duration::from_secs(1);
 
-/// How long after the last frame a first row may come.
+/// How long after the last frame a publisher may come.
 const LAST_LOOK: Duration = Duration::from_millis(300);
 
-/// What came of one kind of results.
+/// What came of one topic of results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowTally {
     /// Of which results.
@@ -76,10 +73,9 @@ pub struct RowThreads {
 #[derive(Default)]
 struct Started {
     run: Option<RunName>,
-    threads: Vec<JoinHandle<RowTally>>,
-    /// Looks out for topics that are not ours, and returns a thread for each.
-    lookout: Option<JoinHandle<OwnThreads>>,
-    failure: Option<ResultsError>,
+    /// Looks out for results, and returns a thread for each topic.
+    lookout: Option<JoinHandle<Lookout>>,
+    failure: Option<String>,
 }
 
 impl RowThreads {
@@ -91,67 +87,33 @@ impl RowThreads {
             return;
         }
         started.run = Some(run.clone());
-        let (looking, looked) = channel();
-        for topic in [Topic::Energies, Topic::Impurity, Topic::Contacts, Topic::Pulses] {
-            match ResultWatch::create(bus, run, topic) {
-                Ok(watch) => match spawn(watch, recorder, looking.clone()) {
-                    Ok(thread) => started.threads.push(thread),
-                    Err(error) => started.failure = Some(error),
-                },
-                Err(error) => started.failure = Some(error),
-            }
+        let begun = ResultsWatch::create(bus, run).map_err(|error| error.to_string()).and_then(|watch| {
+            let mut lookout = Lookout::new(watch, recorder);
+            let (looking, looked) = channel();
+            lookout.look(Some(&looking));
+            drop(looking);
+            // nothing is sent; each thread gives its end up when it has looked for a publisher
+            let _ = looked.recv();
+            thread::Builder::new().spawn(move || lookout.look_out()).map_err(|error| no_thread(&error))
+        });
+        match begun {
+            Ok(lookout) => started.lookout = Some(lookout),
+            Err(failure) => started.failure = Some(failure),
         }
-        match OwnTopicsWatch::create(bus, run) {
-            Ok(watch) => {
-                let mut own = OwnThreads::new(bus, run, recorder);
-                own.look(&watch, Some(&looking));
-                match thread::Builder::new().spawn(move || own.look_out(&watch)) {
-                    Ok(thread) => started.lookout = Some(thread),
-                    Err(error) => started.failure = Some(no_thread(Topic::Energies, &error)),
-                }
-            }
-            Err(error) => started.failure = Some(error),
-        }
-        drop(looking);
-        // nothing is sent; each thread gives its end up when it has looked for a publisher
-        let _ = looked.recv();
     }
 
     /// Waits for the threads, which end after the frames have: what each has recorded, and why results could not be
     /// recorded at all.
-    pub fn finish(&self) -> (Vec<RowTally>, Option<ResultsError>) {
+    pub fn finish(&self) -> (Vec<RowTally>, Option<String>) {
         let started = std::mem::take(&mut *self.started.lock().unwrap_or_else(PoisonError::into_inner));
-        let mut tallies: Vec<_> = started.threads.into_iter().map(join).collect();
-        let own = started.lookout.map(join);
-        let mut failure = started.failure;
-        if let Some(own) = own {
-            tallies.extend(own.threads.into_iter().map(|(_, thread)| join(thread)));
-            failure = failure.or(own.failure);
-        }
-        (tallies, failure)
+        let Some(lookout) = started.lookout.map(join) else { return (Vec::new(), started.failure) };
+        (lookout.threads.into_iter().map(|(_, thread)| join(thread)).collect(), lookout.failure)
     }
 }
 
-/// A thread that records the rows for which `watch` waits; see [`Rows::record`].
-fn spawn(
-    watch: ResultWatch,
-    recorder: &Arc<Recorder>,
-    looking: Sender<Infallible>,
-) -> Result<JoinHandle<RowTally>, ResultsError> {
-    let (recorder, topic) = (Arc::clone(recorder), watch.topic());
-    let work = move || match watch.topic() {
-        Topic::Contacts => {
-            Rows::new(&recorder, &watch, |classes| RowValues::Classes(classes)).record(looking)
-        }
-        _ => Rows::new(&recorder, &watch, |numbers| RowValues::Numbers(numbers)).record(looking),
-    };
-    thread::Builder::new().spawn(work).map_err(|error| no_thread(topic, &error))
-}
-
 /// The system grants no thread for results.
-fn no_thread(topic: Topic, error: &io::Error) -> ResultsError {
-    let cause = format!("no thread can be started ({error}); allow more processes (`ulimit -u`)");
-    ResultsError::Port { topic, cause }
+fn no_thread(error: &io::Error) -> String {
+    format!("no thread can be started ({error}); allow more processes (`ulimit -u`)")
 }
 
 fn join<T>(thread: JoinHandle<T>) -> T {
@@ -159,112 +121,134 @@ fn join<T>(thread: JoinHandle<T>) -> T {
     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-/// The threads that record results whose topics are not ours.
-struct OwnThreads {
-    bus: Bus,
-    run: RunName,
+/// Finds topics of results, and starts a thread for each.
+struct Lookout {
+    watch: Arc<ResultsWatch>,
     recorder: Arc<Recorder>,
     threads: Vec<(Topic, JoinHandle<RowTally>)>,
-    failure: Option<ResultsError>,
+    failure: Option<String>,
 }
 
-impl OwnThreads {
-    fn new(bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) -> Self {
-        let (bus, run, recorder) = (bus.clone(), run.clone(), Arc::clone(recorder));
-        Self { bus, run, recorder, threads: Vec::new(), failure: None }
+impl Lookout {
+    fn new(watch: ResultsWatch, recorder: &Arc<Recorder>) -> Self {
+        let (watch, recorder) = (Arc::new(watch), Arc::clone(recorder));
+        Self { watch, recorder, threads: Vec::new(), failure: None }
     }
 
-    /// Looks for new topics until the frames are over.
-    fn look_out(mut self, watch: &OwnTopicsWatch) -> Self {
+    /// Looks for new topics until the frames are over, and nobody comes any more.
+    fn look_out(mut self) -> Self {
         let mut looked_at = Instant::now();
-        while self.failure.is_none() && self.recorder.state().end.is_none() {
-            if watch.wait(LOOK_PERIOD) || looked_at.elapsed() >= OWN_LOOK_PERIOD {
+        while self.failure.is_none() && !self.is_over() {
+            if self.watch.wait(LOOK_PERIOD) || looked_at.elapsed() >= TRUST_PERIOD {
                 looked_at = Instant::now();
-                self.look(watch, None);
+                self.look(None);
             }
         }
         self
     }
 
+    fn is_over(&self) -> bool {
+        let end = self.recorder.state().end;
+        end.is_some_and(|end| end.last_frame.is_none() || end.since.elapsed() >= end.patience.min(LAST_LOOK))
+    }
+
     /// Starts a thread for each topic that has none.
-    fn look(&mut self, watch: &OwnTopicsWatch, looking: Option<&Sender<Infallible>>) {
-        let looked = watch.topics().and_then(|topics| {
+    fn look(&mut self, looking: Option<&Sender<Infallible>>) {
+        let topics = self.watch.topics().map_err(|error| error.to_string());
+        let started = topics.and_then(|topics| {
             for topic in topics {
                 if self.threads.iter().any(|(known, _)| *known == topic) {
                     continue;
                 }
-                let watch = ResultWatch::create(&self.bus, &self.run, topic)?;
-                let looking = looking.cloned().unwrap_or_else(|| channel().0);
-                self.threads.push((topic, spawn(watch, &self.recorder, looking)?));
+                let (watch, recorder) = (Arc::clone(&self.watch), Arc::clone(&self.recorder));
+                let looking = looking.cloned();
+                let work = move || TopicRows::new(&recorder, &watch, topic).record(looking);
+                let thread = thread::Builder::new().spawn(work).map_err(|error| no_thread(&error))?;
+                self.threads.push((topic, thread));
             }
             Ok(())
         });
-        self.failure = self.failure.take().or(looked.err());
+        self.failure = self.failure.take().or(started.err());
     }
 }
 
 /// A row that came before the run was joined.
-struct EarlyRow<T> {
+struct EarlyRow {
     stream: StreamId,
     frame: u64,
     step: u64,
     time_s: f64,
     follows: bool,
-    values: Vec<T>,
+    values: KeptValues,
 }
 
-/// One kind of results.
-struct Rows<'a, T: ResultElement> {
+/// Recording the rows of one topic.
+struct TopicRows<'a> {
     recorder: &'a Recorder,
-    watch: &'a ResultWatch,
-    values: fn(&[T]) -> RowValues<'_>,
-    early: VecDeque<EarlyRow<T>>,
+    watch: &'a ResultsWatch,
+    early: VecDeque<EarlyRow>,
     columns: ResultColumns,
-    /// What the columns are, once there is a row.
-    kind: Option<ResultKind>,
+    /// What the rows are in the recording, once there is one.
+    messages: Option<RowMessages>,
     /// The last published row, which has not arrived.
     owed: Option<u64>,
     heard_at: Instant,
     tally: RowTally,
 }
 
-impl<'a, T: ResultElement> Rows<'a, T> {
-    fn new(recorder: &'a Recorder, watch: &'a ResultWatch, values: fn(&[T]) -> RowValues<'_>) -> Self {
+impl<'a> TopicRows<'a> {
+    fn new(recorder: &'a Recorder, watch: &'a ResultsWatch, topic: Topic) -> Self {
         Self {
             recorder,
             watch,
-            values,
             early: VecDeque::new(),
             columns: ResultColumns::default(),
-            kind: None,
+            messages: None,
             owed: None,
             heard_at: Instant::now(),
-            tally: RowTally::new(watch.topic()),
+            tally: RowTally::new(topic),
         }
     }
 
     /// Records rows until the frames are over and no more rows come. Gives `looking` up once it has subscribed to a
     /// publisher that was there before.
-    fn record(mut self, looking: Sender<Infallible>) -> RowTally {
-        let followed = self.follow(looking);
-        self.tally.trouble = followed.err();
+    fn record(mut self, looking: Option<Sender<Infallible>>) -> RowTally {
+        self.tally.trouble = self.follow(looking).err();
+        if self.tally.trouble.is_some() {
+            self.stand_by();
+        }
         if let Some((last, owed)) = self.tally.last_frame.zip(self.owed).filter(|(last, owed)| owed > last) {
             self.tally.missed.push((last + 1, owed));
         }
         self.tally
     }
 
-    fn follow(&mut self, looking: Sender<Infallible>) -> Result<(), String> {
+    /// Records no more, but lets nobody who publishes anew wait for this process in vain.
+    fn stand_by(&self) {
+        let goes_on = || self.recorder.state().end.is_none();
+        while goes_on() {
+            match self.watch.attach(self.tally.topic, Delivery::Latest, Arc::default()) {
+                Ok(Some(mut rows)) => {
+                    let mut is_over =
+                        || matches!(rows.receive_soon(), Err(_) | Ok(Some(ResultReceived::End(_))));
+                    while goes_on() && !is_over() {}
+                }
+                _ => thread::sleep(LOOK_PERIOD),
+            }
+        }
+    }
+
+    fn follow(&mut self, mut looking: Option<Sender<Infallible>>) -> Result<(), String> {
         let say = |error: ResultsError| error.to_string();
-        let mut looking = Some(looking);
-        let mut subscriber: Option<ResultSubscriber<T>> = None;
+        let mut subscriber: Option<ResultSubscriber> = None;
         while !self.is_over(subscriber.is_some())? {
             let Some(rows) = &mut subscriber else {
-                subscriber = self.watch.attach(Delivery::Lossless, Arc::default()).map_err(say)?;
+                let topic = self.tally.topic;
+                subscriber = self.watch.attach(topic, Delivery::Lossless, Arc::default()).map_err(say)?;
                 drop(looking.take());
                 match &subscriber {
-                    Some(rows) => (self.columns, self.kind) = (rows.columns().clone(), None),
-                    None => self.watch.wait(LOOK_PERIOD),
+                    Some(rows) => (self.columns, self.messages) = (rows.columns().clone(), None),
+                    None => thread::sleep(LOOK_PERIOD),
                 }
                 continue;
             };
@@ -304,7 +288,7 @@ impl<'a, T: ResultElement> Rows<'a, T> {
         Err(format!("no row came for {} s", end.patience.as_secs()))
     }
 
-    fn take(&mut self, row: &Row<'_, T>) -> Result<(), String> {
+    fn take(&mut self, row: &Row<'_>) -> Result<(), String> {
         self.heard_at = Instant::now();
         self.record_early()?;
         if let RowFate::TooEarly = self.write(row)? {
@@ -312,7 +296,7 @@ impl<'a, T: ResultElement> Rows<'a, T> {
                 self.early.pop_front();
             }
             let Row { stream, frame, step, time_s, follows, values } = *row;
-            self.early.push_back(EarlyRow { stream, frame, step, time_s, follows, values: values.to_vec() });
+            self.early.push_back(EarlyRow { stream, frame, step, time_s, follows, values: values.into() });
         }
         Ok(())
     }
@@ -321,7 +305,8 @@ impl<'a, T: ResultElement> Rows<'a, T> {
     fn record_early(&mut self) -> Result<(), String> {
         while let Some(early) = self.early.pop_front() {
             let EarlyRow { stream, frame, step, time_s, follows, ref values } = early;
-            if let RowFate::TooEarly = self.write(&Row { stream, frame, step, time_s, follows, values })? {
+            let row = Row { stream, frame, step, time_s, follows, values: values.lend() };
+            if let RowFate::TooEarly = self.write(&row)? {
                 self.early.push_front(early);
                 break;
             }
@@ -329,18 +314,16 @@ impl<'a, T: ResultElement> Rows<'a, T> {
         Ok(())
     }
 
-    fn write(&mut self, row: &Row<'_, T>) -> Result<RowFate, String> {
+    fn write(&mut self, row: &Row<'_>) -> Result<RowFate, String> {
         let Row { stream, frame, step, time_s, follows, values } = *row;
         if self.tally.last_frame.is_some_and(|last| last >= frame) {
             // another publisher begins again
             return Ok(RowFate::NotOurs);
         }
-        let row = ResultRow { frame, step, time_s, values: (self.values)(values) };
+        let row = ResultRow { frame, step, time_s, values };
         let (topic, columns) = (self.tally.topic, &self.columns);
-        let known = self.kind.take();
-        let kind = |run: &_| known.map_or_else(|| ResultKind::new(topic, columns, run), Ok);
-        let (fate, kind) = self.recorder.write_row(stream, &row, kind)?;
-        self.kind = kind;
+        let make = |run: &_| RowMessages::new(topic, columns, run);
+        let fate = self.recorder.write_row(stream, &row, &mut self.messages, make)?;
         if let RowFate::Recorded { joined_at } = fate {
             let tally = &mut self.tally;
             // before a publisher's own first row there are none to miss

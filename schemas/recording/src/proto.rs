@@ -1,9 +1,6 @@
-//! The messages of `proto/beadline/v1`, as prost generates them, and the descriptors of all of our messages.
+//! The messages of `proto/beadline/v1`, as prost generates them, and their descriptors.
 
 #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
-
-use crate::results::columns;
-use std::sync::LazyLock;
 
 include!(concat!(env!("OUT_DIR"), "/beadline.v1.rs"));
 
@@ -44,35 +41,8 @@ pub(super) const CONTACTS: Topic = Topic {
     descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
 };
 
-pub(super) const ENERGIES: Topic = Topic {
-    topic: "/energies",
-    message: "beadline.v1.Energies",
-    descriptor: || {
-        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::ENERGY_COLUMNS.descriptor());
-        &MADE
-    },
-};
-
-pub(super) const IMPURITY: Topic = Topic {
-    topic: "/impurity",
-    message: "beadline.v1.ImpurityMotion",
-    descriptor: || {
-        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::MOTION_COLUMNS.descriptor());
-        &MADE
-    },
-};
-
-pub(super) const PULSES: Topic = Topic {
-    topic: "/pulses",
-    message: "beadline.v1.Pulses",
-    descriptor: || {
-        static MADE: LazyLock<Vec<u8>> = LazyLock::new(|| columns::PULSE_COLUMNS.descriptor());
-        &MADE
-    },
-};
-
-/// All our topics, those of frames first.
-pub(super) const ALL: [Topic; 7] = [CHAIN, STATE, SUMMARY, CONTACTS, ENERGIES, IMPURITY, PULSES];
+/// All our topics whose messages are not made from columns, those of frames first.
+pub(super) const ALL: [Topic; 4] = [CHAIN, STATE, SUMMARY, CONTACTS];
 
 #[cfg(test)]
 mod tests {

@@ -12,7 +12,8 @@ pub struct ResultColumns {
     pub width: usize,
     /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
     pub names: String,
-    /// Of classes of contacts: the largest overlap or gap (m) that counts as touching.
+    /// The largest overlap or gap (m) that counts as touching, NaN if it is not known: of rows that are classes of contacts, and
+    /// of no others.
     pub tolerance_m: Option<f64>,
 }
 
@@ -27,8 +28,8 @@ impl ResultColumns {
         Self { width, names: name.to_owned(), tolerance_m: None }
     }
 
-    /// The names of the columns of a topic that is not ours, from which a recording makes the fields of a message:
-    /// one for each value, or one for all of them.
+    /// The names of the columns, from which a recording makes the fields of a message: one for each value, or one for all
+    /// of them.
     ///
     /// # Errors
     /// What was expected and found.

@@ -1,6 +1,6 @@
 //! The columns of each kind of our results, in the order of the values of a row: on the bus, in tables and in recordings.
 
-use super::ResultColumns;
+use super::{ResultColumns, Things, ThingsNumbers};
 
 /// Energies of the chain and its parts.
 pub const ENERGIES: [&str; 11] = [
@@ -21,19 +21,41 @@ pub const ENERGIES: [&str; 11] = [
 pub const MOTION: [(&str, &str); 4] =
     [("u", "m"), ("v", "m_s"), ("overlap_left", "m"), ("overlap_right", "m")];
 
-/// The same as fields of a message, for beads that it names.
-pub const MOTION_FIELDS: [&str; MOTION.len()] =
-    ["displacement_m", "velocity_m_s", "overlap_left_m", "overlap_right_m"];
-
 /// A pulse under way.
 pub const PULSE: [&str; 5] = ["pulse", "bead", "v_peak_m_s", "velocity_beads_per_s", "fwhm_beads"];
+
+/// The rows whose messages have arrays.
+static OF_THINGS: [Things; 2] = [
+    Things {
+        topic: "impurity",
+        file: "impurity_motion",
+        message: "ImpurityMotion",
+        number: "bead",
+        fields: &["displacement_m", "velocity_m_s", "overlap_left_m", "overlap_right_m"],
+        numbers: ThingsNumbers::InNames(&MOTION),
+    },
+    Things {
+        topic: "pulses",
+        file: "pulses",
+        message: "Pulses",
+        number: PULSE[0],
+        fields: PULSE.split_at(1).1,
+        numbers: ThingsNumbers::InRows,
+    },
+];
+
+impl Things {
+    /// Layout of the rows of `topic`, if they are about things.
+    pub fn of_topic(topic: &str) -> Option<&'static Self> {
+        OF_THINGS.iter().find(|known| known.topic == topic)
+    }
+}
 
 impl ResultColumns {
     /// The motion of these beads, one after the other.
     pub fn motion(beads: &[u64]) -> Self {
-        let names = beads.iter().flat_map(|bead| MOTION.map(|(name, unit)| format!("{name}_{bead}_{unit}")));
-        let names: Vec<_> = names.collect();
-        Self { width: names.len(), names: names.join(","), tolerance_m: None }
+        let names = Things::names(&MOTION, beads);
+        Self { width: beads.len() * MOTION.len(), names, tolerance_m: None }
     }
 
     /// So many pulses; what is missing of them is NaN.

@@ -79,13 +79,13 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    fn publish(&self, bus: &Bus) -> Result<Summary, Failure> {
+    fn publish(&self, bus: &Bus) -> Result<Republished, Failure> {
         let name = &self.manifest.provenance.name;
         let (place, message, first) = match self.first()? {
             Begin::At(place, message, first) => (place, message, first),
             Begin::Never(reason) => {
                 notice!("there is no frame of {name}");
-                return Ok(Summary::new(self.manifest, reason));
+                return Ok(Republished::new(self.manifest, reason));
             }
         };
         let options = PublishOptions {
@@ -98,7 +98,7 @@ impl Session<'_> {
         notice!("{name} is published here from frame {} on", count(first));
         if !publishing::wait_for_consumers(self.args.wait_for, &mut publisher, self.stop)? {
             publisher.finish(EndReason::Interrupted)?;
-            return Ok(Summary::new(self.manifest, EndReason::Stopped));
+            return Ok(Republished::new(self.manifest, EndReason::Stopped));
         }
         let frames = self.fetching.frames;
         let far = Far::new(self.manifest.clone(), bus, publisher, first, frames, Arc::clone(self.stop));
@@ -147,7 +147,12 @@ impl Session<'_> {
     }
 
     /// Publishes what arrives until the run ends.
-    fn follow(&self, mut far: Far, first_frame: u64, first: (Place, Payload)) -> Result<Summary, Failure> {
+    fn follow(
+        &self,
+        mut far: Far,
+        first_frame: u64,
+        first: (Place, Payload),
+    ) -> Result<Republished, Failure> {
         let (start, mut progress) = (Instant::now(), Progress::of_run(self.manifest));
         let (mut dropped, quiet) = (Dropped::default(), ProgressBar::hidden());
         let mut next = Some(Arrival::Message(first.0, first.1));
@@ -179,12 +184,12 @@ impl Session<'_> {
         dropped.tell(far.publisher(), &quiet);
         let arrived = far.arrived();
         let counts = far.finish(reason)?;
-        Ok(Summary {
+        Ok(Republished {
             first_frame,
             arrived,
             evicted: counts.evicted,
             seconds: start.elapsed().as_secs_f64(),
-            ..Summary::new(self.manifest, reason)
+            ..Republished::new(self.manifest, reason)
         })
     }
 
@@ -229,7 +234,7 @@ fn end_failed(far: Far, error: Failure) -> Failure {
 }
 
 /// What was published, in numbers.
-struct Summary {
+struct Republished {
     run: String,
     reason: EndReason,
     first_frame: u64,
@@ -239,7 +244,7 @@ struct Summary {
     seconds: f64,
 }
 
-impl Summary {
+impl Republished {
     fn new(manifest: &RunManifest, reason: EndReason) -> Self {
         Self {
             run: manifest.provenance.name.to_string(),

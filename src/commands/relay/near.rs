@@ -81,7 +81,7 @@ struct Near<'a> {
 }
 
 impl Near<'_> {
-    fn relay(&self, name: Option<&schemas::run_name::RunName>) -> Result<Summary, Failure> {
+    fn relay(&self, name: Option<&schemas::run_name::RunName>) -> Result<Relayed, Failure> {
         let bus = Bus::from_env()?;
         let mut frames = self.args.frames || self.serving.wants_frames();
         let mut live = self.attach(&bus, name, frames)?;
@@ -131,7 +131,7 @@ impl Near<'_> {
         let all_have_it = self.wait_for_far_sides();
         progress.finish();
         let log = self.log.look();
-        Ok(Summary {
+        Ok(Relayed {
             run: manifest.provenance.name.to_string(),
             reason,
             first_frame,
@@ -200,7 +200,7 @@ impl Near<'_> {
 }
 
 /// What was sent, in numbers.
-struct Summary {
+struct Relayed {
     run: String,
     reason: EndReason,
     first_frame: u64,
@@ -212,7 +212,7 @@ struct Summary {
     all_have_it: bool,
 }
 
-impl Summary {
+impl Relayed {
     fn report(&self, as_json: bool) -> Result<Done, Failure> {
         let frames_bytes = self.frame_bytes * self.sent.frames;
         let json = json!({

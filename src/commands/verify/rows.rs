@@ -1,17 +1,18 @@
 //! Rows of our results, compared with the analyses of the recomputed states.
 
 mod energies;
+mod remade;
 
 use crate::failure::{BadInput, Failure};
 use crate::frames::{Frames, is_of_a_file};
-use consumers::contacts::Contacts;
-use consumers::impurity::{Followed, Motion};
 use energies::EnergyRows;
 use producer::resimulation::Lend;
 use producer::verification::Verification;
-use recording::{RecordedRow, RecordedRows, RecordedValues};
+use recording::{RecordedRow, RecordedRows};
+use remade::RemadeRows;
 use schemas::frame::{Frame, FrameSource, Received};
 use schemas::manifest::RunManifest;
+use schemas::results::RowValues;
 use serde::Serialize;
 use source::Source;
 use std::num::NonZero;
@@ -60,9 +61,10 @@ struct Reader {
 }
 
 enum Checker {
+    /// Rows that depend on the frames before.
     Energies(Box<EnergyRows>),
-    Impurity(Option<(Vec<u64>, Box<Followed>)>),
-    Contacts(Option<Box<Contacts>>),
+    /// Rows of any other analysis, each made again of its frame.
+    Remade(RemadeRows),
 }
 
 /// Compares the rows of the recording `path`, in which `found` was found.
@@ -87,8 +89,8 @@ pub(crate) fn check(
             checked.push(not_checked("because something is wrong with the file or its states".to_owned()));
             continue;
         }
-        match RecordedRows::open(path, topic).bad_input()? {
-            Some(rows) => readers.push(Reader::new(rows, &found.manifest)),
+        match Checker::of(topic, &found.manifest) {
+            Some(checker) => readers.push(Reader::new(RecordedRows::open(path, topic).bad_input()?, checker)),
             None => checked.push(not_checked("which this program does not make again".to_owned())),
         }
     }
@@ -105,11 +107,10 @@ pub(crate) fn check(
     for reader in &mut readers {
         if let Checker::Energies(energies) = &reader.checker
             && let Some(split) = energies.other_split(&found.manifest)
-            && let Some(rows) = RecordedRows::open(path, reader.rows.topic()).bad_input()?
         {
-            let mut again = Reader::new(rows, &found.manifest);
-            again.checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
-            let mut again = [again];
+            let rows = RecordedRows::open(path, reader.rows.topic()).bad_input()?;
+            let checker = Checker::Energies(Box::new(EnergyRows::new(&found.manifest, split)));
+            let mut again = [Reader::new(rows, checker)];
             pass(&mut again)?;
             let [again] = again;
             if again.found.difference_count < reader.found.difference_count {
@@ -148,15 +149,19 @@ fn follow(frames: &mut Frames, readers: &mut [Reader]) -> Result<(), Failure> {
     Ok(())
 }
 
+impl Checker {
+    /// The analysis whose rows `topic` has; none if they cannot be made again.
+    fn of(topic: &str, manifest: &RunManifest) -> Option<Self> {
+        if topic == "/energies" {
+            return Some(Self::Energies(Box::new(EnergyRows::of(manifest))));
+        }
+        RemadeRows::of(topic).map(Self::Remade)
+    }
+}
+
 impl Reader {
-    fn new(rows: RecordedRows, manifest: &RunManifest) -> Self {
-        let topic = rows.topic().to_owned();
-        let checker = match topic.as_str() {
-            "/energies" => Checker::Energies(Box::new(EnergyRows::of(manifest))),
-            "/impurity" => Checker::Impurity(None),
-            _ => Checker::Contacts(None),
-        };
-        let found = RowsChecked { topic, ..RowsChecked::default() };
+    fn new(rows: RecordedRows, checker: Checker) -> Self {
+        let found = RowsChecked { topic: rows.topic().to_owned(), ..RowsChecked::default() };
         let mut reader = Self { rows, next: None, stateless_count: 0, checker, found };
         reader.advance();
         reader
@@ -180,22 +185,17 @@ impl Reader {
             self.advance();
         }
         let row = self.next.as_ref().filter(|row| row.frame == frame.frame);
-        let wrong = match (&mut self.checker, row.map(|row| &row.values)) {
+        let wrong = match (&mut self.checker, row.map(|row| (row, row.values.lend()))) {
             // they know what was before the first row
-            (Checker::Energies(energies), values) => {
-                let values = values.and_then(|values| match values {
-                    RecordedValues::Energies(values) => Some(values),
-                    _ => None,
-                });
-                energies.take(frame, values)
+            (Checker::Energies(energies), None) => energies.take(frame, None),
+            (_, None) => return,
+            (Checker::Energies(energies), Some((_, RowValues::Numbers(values)))) => {
+                energies.take_named(frame, &self.rows.names(), values)
             }
-            (Checker::Impurity(followed), Some(RecordedValues::Impurity { beads, values })) => {
-                motion(followed, manifest, frame, beads, values)
+            (Checker::Energies(_), Some(_)) => Some("its values are of another type".to_owned()),
+            (Checker::Remade(remade), Some((row, _))) => {
+                remade.difference(manifest, frame, &self.rows.names(), row)
             }
-            (Checker::Contacts(contacts), Some(RecordedValues::Contacts { tolerance_m, classes })) => {
-                classes_differ(contacts, manifest, frame, *tolerance_m, classes)
-            }
-            _ => return,
         };
         if row.is_some() {
             self.found.compare(frame.frame, wrong);
@@ -226,45 +226,6 @@ impl Reader {
                 .push(format!("{count} rows of `{topic}`: of frames before or after the states"));
         }
     }
-}
-
-fn motion(
-    followed: &mut Option<(Vec<u64>, Box<Followed>)>,
-    manifest: &RunManifest,
-    frame: &Frame<'_>,
-    beads: &[u64],
-    values: &[[f64; 4]],
-) -> Option<String> {
-    if let Some(bead) = beads.iter().find(|bead| **bead >= manifest.physics.beads) {
-        return Some(format!("there is no bead {bead}"));
-    }
-    if followed.as_ref().is_none_or(|(known, _)| known != beads) {
-        *followed = Some((beads.to_vec(), Box::new(Followed::new(manifest, beads))));
-    }
-    let (_, followed) = followed.as_mut()?;
-    let (motions, _) = followed.observe(frame);
-    motions.iter().map(Motion::values).zip(values).zip(beads).find_map(|((computed, found), bead)| {
-        let differs = (0..4).find(|quantity| !is_same(computed[*quantity], found[*quantity]))?;
-        let (name, unit) = Motion::QUANTITIES[differs];
-        let (found, computed) = (found[differs], computed[differs]);
-        Some(format!("{name}_{unit} of bead {bead} is {found:e}, the state gives {computed:e}"))
-    })
-}
-
-fn classes_differ(
-    contacts: &mut Option<Box<Contacts>>,
-    manifest: &RunManifest,
-    frame: &Frame<'_>,
-    tolerance_m: f64,
-    classes: &[u8],
-) -> Option<String> {
-    if contacts.as_ref().is_none_or(|known| known.tolerance_m().to_bits() != tolerance_m.to_bits()) {
-        *contacts = Some(Box::new(Contacts::new(manifest, tolerance_m)));
-    }
-    let computed = contacts.as_mut()?.observe(frame);
-    let contact = computed.iter().zip(classes).position(|(computed, found)| computed != found)?;
-    let (found, computed) = (classes[contact], computed[contact]);
-    Some(format!("the class of contact {contact} is {found}, the state gives {computed}"))
 }
 
 /// The same bits; one NaN is as good as another.

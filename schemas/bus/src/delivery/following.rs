@@ -51,10 +51,11 @@ enum At {
     Over(EndReason),
 }
 
-/// A consumer that has joined a stream.
+/// A consumer that has joined a stream, or subscribed to results.
 #[derive(Debug)]
 pub struct Following {
-    stream: StreamId,
+    /// Results have none before the first row.
+    stream: Option<StreamId>,
     delivery: Delivery,
     expected: u64,
     missed_count: u64,
@@ -71,10 +72,16 @@ pub struct Following {
 impl Following {
     /// A consumer that is guaranteed frames from `first_frame` on.
     pub fn new(stream: StreamId, delivery: Delivery, first_frame: u64, now: Instant) -> Self {
+        Self { stream: Some(stream), delivery, expected: first_frame, ..Self::of_results(now) }
+    }
+
+    /// A subscriber to results: they begin with the first row that comes, and go on after a gap, as not each frame
+    /// has a row.
+    pub fn of_results(now: Instant) -> Self {
         Self {
-            stream,
-            delivery,
-            expected: first_frame,
+            stream: None,
+            delivery: Delivery::Latest,
+            expected: 0,
             missed_count: 0,
             succeeded: false,
             closing: None,
@@ -84,8 +91,8 @@ impl Following {
         }
     }
 
-    /// Which publishing of which run.
-    pub fn stream(&self) -> StreamId {
+    /// Which publishing of which run, once that is known.
+    pub fn stream(&self) -> Option<StreamId> {
         self.stream
     }
 
@@ -149,7 +156,10 @@ impl Following {
             self.at = self.closing.map_or(At::Empty, At::Emptied);
             return;
         };
-        if header.stream() != self.stream {
+        if self.stream.is_none() {
+            (self.stream, self.expected) = (Some(header.stream()), header.frame);
+        }
+        if self.stream != Some(header.stream()) {
             self.succeeded = true;
         } else if header.frame >= self.expected {
             self.checked_at = now;

@@ -23,8 +23,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Queue of a `latest` consumer: with a longer one it would see older frames.
-pub(crate) const LATEST_BUFFER: usize = 2;
 /// How often we look for changes while the run is not there yet.
 const SEARCH_PERIOD: Duration = Duration::from_millis(50);
 /// The same right after the start.
@@ -190,18 +188,18 @@ impl Rescan {
     }
 
     /// A run that is over but still read can come to life again without a new service.
-    fn looked(&mut self, found: &Found) {
+    fn looked(&mut self, found: &RunsSeen) {
         self.looked_at = Some(Instant::now());
         self.good_for = match found {
-            Found { live: Some(_), .. } => UNSETTLED_PERIOD,
-            Found { any: true, .. } => Duration::from_millis(500),
-            Found { .. } => Duration::from_secs(2),
+            RunsSeen { live: Some(_), .. } => UNSETTLED_PERIOD,
+            RunsSeen { any: true, .. } => Duration::from_millis(500),
+            RunsSeen { .. } => Duration::from_secs(2),
         };
     }
 }
 
-/// What a look at the bus found.
-struct Found {
+/// Runs that a search has seen on the bus.
+struct RunsSeen {
     /// The run that was asked for, if it is being published.
     live: Option<RunName>,
     /// Whether there is such a run at all.
@@ -222,11 +220,11 @@ impl Search<'_> {
     }
 
     /// The run to attach to.
-    fn find(&self, run: Option<&RunName>) -> Result<Found, AttachError> {
+    fn find(&self, run: Option<&RunName>) -> Result<RunsSeen, AttachError> {
         let mut names = run_names(self.bus)?;
         names.retain(|name| run.is_none_or(|run| run == name));
         if names.is_empty() {
-            return Ok(Found { live: None, any: false });
+            return Ok(RunsSeen { live: None, any: false });
         }
         for name in &names {
             check_schema(self.bus, name, Topic::Manifest)?;
@@ -237,7 +235,7 @@ impl Search<'_> {
         if names.len() > 1 {
             return Err(AttachError::SeveralRuns { names });
         }
-        Ok(Found { live: names.pop(), any: true })
+        Ok(RunsSeen { live: names.pop(), any: true })
     }
 
     /// Attaches to `run`, unless it is over before we are done.
@@ -270,6 +268,7 @@ impl Search<'_> {
             bus: self.bus.clone(),
             manifest,
             chain: joined.chain,
+            stream,
             following,
             node_id: status.node_id,
             first_frame: joined.first_frame,
@@ -291,7 +290,7 @@ impl Search<'_> {
         let name = PortName::new(&name).map_err(|e| failed(&e))?;
         let mut builder = state.subscriber_builder().name(&name);
         if self.delivery == Delivery::Latest {
-            builder = builder.buffer_size(LATEST_BUFFER.min(services::limits_of(&state).buffer));
+            builder = builder.buffer_size(services::LATEST_BUFFER.min(services::limits_of(&state).buffer));
         }
         let subscriber = match builder.create() {
             Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => {

@@ -1,12 +1,12 @@
 //! Registering a run on the bus.
 
 use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
-use crate::backpressure::Backpressure;
 use crate::board::{BoardReader, BoardWriter};
 use crate::delivery::Publishing;
+use crate::outlet::Opening;
 use crate::services::{self, check_schema, text_of};
 use crate::wire::{RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
-use crate::{Bus, BusError, Ipc, RoomError, chain_values, node_bytes, room};
+use crate::{Bus, BusError, Ipc, chain_values, node_bytes, room};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::Publisher;
@@ -14,7 +14,6 @@ use schemas::chain::Chain;
 use schemas::manifest::{ManifestTooLong, RunId, RunManifest};
 use schemas::results::Topic;
 use schemas::run_name::RunName;
-use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 /// How long a producer of the same name may take to vanish.
@@ -26,9 +25,6 @@ pub enum PublishError {
     /// The bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Shared memory.
-    #[error(transparent)]
-    Room(#[from] RoomError),
     /// Another producer has this name.
     #[error(
         "run {name} is being published already: run id {run_id}, process {pid}; use another name, or end it"
@@ -106,37 +102,28 @@ impl StatePublisher {
         ManifestTooLong::check(json.len())?;
         let stream = StreamId::new(manifest.provenance.run_id);
         let doubles = manifest.frame_doubles();
-        let slot_bytes = (doubles * size_of::<f64>()) as u64;
         bus.prepare()?;
         // until everything has its memory, so that nobody else takes the free space that we found
         let _lock = bus.lock()?;
         let node = bus.prepared_node()?;
-        let free_bytes = room::free_bytes()?;
-        let limits = room::plan(slot_bytes, free_bytes);
         check_schema(bus, run, Topic::Manifest)?;
-        check_schema(bus, run, Topic::State)?;
-        let state = services::slices::<f64>(&node, run, Topic::State, limits, &[])?;
-        // a service that consumers of an earlier run still hold keeps the limits it has
-        let limits = services::limits_of(&state);
-        room::check(slot_bytes, limits, free_bytes)?;
-        let events = services::events(&node, run, Topic::State)?;
-        let notifier = events.notifier_builder().create();
-        let notifier = notifier.map_err(|e| BusError::service(&text_of(run, Topic::State), "notify", &e))?;
-        let backpressure = Backpressure::new(
-            services::slices::<f64>(&node, run, Topic::State, limits, &[])?,
-            bus.config().clone(),
-            notifier,
-            Arc::clone(&options.stop),
-            options.stuck_after,
-            options.remedies(),
-        );
+        let opening = Opening {
+            bus,
+            node: &node,
+            run,
+            topic: Topic::State,
+            elements: doubles,
+            stop: &options.stop,
+            stuck_after: options.stuck_after,
+            patience: TAKE_OVER_PATIENCE,
+            remedies: options.remedies(),
+        };
+        let state = opening.service::<f64>(&[])?;
+        let max_consumers = services::limits_of(&state).subscribers;
+        let Some((publisher, backpressure)) = opening.publisher(state)? else {
+            return Err(name_taken(&node, run)?);
+        };
         backpressure.ignore_present();
-        // the one place where two producers of one name are told apart
-        let publisher = backpressure.publisher(bus, &node, &state, doubles, TAKE_OVER_PATIENCE);
-        let publisher =
-            publisher.map_err(|e| BusError::service(&text_of(run, Topic::State), "publish", &e))?;
-        let Some(publisher) = publisher else { return Err(name_taken(&node, run)?) };
-        room::reserve(bus.prefix(), publisher.id().value())?;
 
         let mut status = RunStatus {
             run_id: stream.run_id.0,
@@ -166,7 +153,7 @@ impl StatePublisher {
             publishing: Publishing::new(status, now),
             stream,
             doubles,
-            max_consumers: limits.subscribers,
+            max_consumers,
             last_step: manifest.physics.step_count,
             counts: PublishCounts::default(),
             counted_at: now,

@@ -146,9 +146,8 @@ fn results(bus: &Bus, name: &str) {
     use schemas::results::{ResultColumns, Topic};
     let stream = StreamId::new(schemas::manifest::RunId([7; 16]));
     let columns = ResultColumns { width: 2, names: "a_J,b_J".into(), tolerance_m: None };
-    let stop = std::sync::Arc::default();
-    let mut rows =
-        ResultPublisher::create(bus, &run_name(name), Topic::Energies, stream, &columns, stop).unwrap();
+    let (topic, stop) = (Topic::results("energies").unwrap(), std::sync::Arc::default());
+    let mut rows = ResultPublisher::create(bus, &run_name(name), topic, stream, &columns, stop).unwrap();
     println!("@created");
     for frame in 0.. {
         rows.publish(frame, frame, 0.0, &[1.0, 2.0]).unwrap();

@@ -15,7 +15,7 @@ use crate::read::messages::{MessageReader, RawMessage};
 use crate::read::others::OtherMessage;
 use crate::read::records::RecordReader;
 use crate::read::salvage::{Damage, DamageKind, LostFrames};
-use crate::results::columns::RowHead;
+use crate::results::row_messages::{RowHead, name_of_results};
 use crate::write::encode;
 use crate::write::schedule::Schedule;
 use mcap::records::MessageHeader;
@@ -285,7 +285,7 @@ impl Audit {
                         self.chain_count > 0 || !self.is_resolved_by_us || is_chain(&self.manifest, data);
                     Said::Chain { is_ours: is_chain }
                 }
-                _ if rows::is_of_results(message.channel) => Said::Row(RowHead::decode(data).ok()),
+                _ if name_of_results(message.channel).is_some() => Said::Row(RowHead::decode(data).ok()),
                 _ => Said::Other,
             };
             let judged =

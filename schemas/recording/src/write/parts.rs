@@ -2,11 +2,12 @@
 
 use crate::error::WriteError;
 use crate::head::BeginRecord;
-use crate::results::kind::{ResultKind, ResultRow};
+use crate::results::row_messages::RowMessages;
 use crate::write::channel_writer::{Finished, WriteOptions};
 use crate::write::writer::RecordingWriter;
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
+use schemas::results::ResultRow;
 use schemas::whole_file::{LockedFile, WholeFileError, directory_of};
 use std::ffi::OsString;
 use std::fs;
@@ -169,8 +170,8 @@ impl PartsWriter {
     ///
     /// # Errors
     /// As for [`RecordingWriter::write_row`].
-    pub fn write_row(&mut self, kind: &ResultKind, row: &ResultRow<'_>) -> Result<(), WriteError> {
-        self.open()?.write_row(kind, row)
+    pub fn write_row(&mut self, rows: &RowMessages, row: &ResultRow<'_>) -> Result<(), WriteError> {
+        self.open()?.write_row(rows, row)
     }
 
     /// Bytes on the disk so far, in all parts.

@@ -4,12 +4,13 @@ use crate::error::WriteError;
 use crate::head::{self, BeginRecord, EndRecord};
 use crate::proto;
 use crate::read::decode::{self, StateLengths};
-use crate::results::kind::{ResultKind, ResultRow};
+use crate::results::row_messages::RowMessages;
 use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
 use crate::write::encode::{self, StateEncoder};
 use prost::Message;
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
+use schemas::results::ResultRow;
 use schemas::summary::Summarizer;
 use schemas::whole_file::Names;
 use std::collections::BTreeMap;
@@ -135,27 +136,27 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// When the row is not of this run or not after the row before, or when writing fails.
-    pub fn write_row(&mut self, kind: &ResultKind, row: &ResultRow<'_>) -> Result<(), WriteError> {
-        let before = self.rows.get(kind.topic()).copied();
+    pub fn write_row(&mut self, rows: &RowMessages, row: &ResultRow<'_>) -> Result<(), WriteError> {
+        let before = self.rows.get(rows.topic()).copied();
         self.message.clear();
         let encoded = if self.manifest.step_of_frame(row.frame) != row.step {
             Err(format!("that frame is step {}", self.manifest.step_of_frame(row.frame)))
-        } else if let Some(last) = before.map(|rows| rows.last_step).filter(|last| *last >= row.step) {
+        } else if let Some(last) = before.map(|channel| channel.last_step).filter(|last| *last >= row.step) {
             Err(format!("the row of step {last} was recorded before"))
         } else {
-            kind.encode(row, &mut self.message)
+            rows.encode(row, &mut self.message)
         };
         encoded.map_err(|what| WriteError::Frame {
             path: self.file.path().to_owned(),
             frame: row.frame,
             step: row.step,
-            what: format!("a row of {}: {what}", kind.topic()),
+            what: format!("a row of {}: {what}", rows.topic()),
         })?;
         let id = match before {
-            Some(rows) => rows.id,
-            None => kind.add_to(&mut self.file)?,
+            Some(channel) => channel.id,
+            None => rows.add_to(&mut self.file)?,
         };
-        self.rows.insert(kind.topic().to_owned(), RowChannel { id, last_step: row.step });
+        self.rows.insert(rows.topic().to_owned(), RowChannel { id, last_step: row.step });
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
         Ok(())

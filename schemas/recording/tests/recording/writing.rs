@@ -2,10 +2,11 @@
 
 use crate::run::{RUN_TOML, doubles, for_each_frame, manifest, options, read_all, temp_dir};
 use recording::{
-    BeginRecord, ContactsReader, RecordingInfo, RecordingSource, RecordingWriter, ResultKind, ResultRow,
-    RowValues, WriteError, WriteOptions,
+    BeginRecord, ContactsReader, RecordedRows, RecordingInfo, RecordingSource, RecordingWriter, RowMessages,
+    WriteError, WriteOptions,
 };
 use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::results::{KeptValues, ResultColumns, ResultRow, RowValues, Topic};
 
 /// States between frames have no frame number: whoever reads frames passes over them.
 #[test]
@@ -68,6 +69,11 @@ fn rows_of_results_have_channels_of_their_own() {
     let (_directory, path) = temp_dir();
     let manifest = manifest(9, 1, 1);
     let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap();
+    let rows =
+        |name, columns: &_| RowMessages::new(Topic::results(name).unwrap(), columns, &manifest).unwrap();
+    let contacts = rows("contacts", &ResultColumns::contacts(39, 1e-12));
+    // of an analysis that nothing here has heard of
+    let new = rows("new", &ResultColumns::named(&["a_m", "b_m"]));
     for_each_frame(&manifest, |frame| {
         writer.accept(frame).unwrap();
         if frame.step >= 4 {
@@ -75,17 +81,20 @@ fn rows_of_results_have_channels_of_their_own() {
             let classes = [1; 39];
             let values = RowValues::Classes(&classes);
             let row = ResultRow { frame, step, time_s, values };
-            let kind = ResultKind::Contacts { tolerance_m: 1e-12 };
-            writer.write_row(&kind, &row).unwrap();
-            assert!(matches!(writer.write_row(&kind, &row), Err(WriteError::Frame { .. })), "twice");
-            let values = RowValues::Numbers(&[0.5; 11]);
-            writer.write_row(&ResultKind::Energies, &ResultRow { values, ..row }).unwrap();
+            writer.write_row(&contacts, &row).unwrap();
+            assert!(matches!(writer.write_row(&contacts, &row), Err(WriteError::Frame { .. })), "twice");
+            let values = RowValues::Numbers(&[0.5, -0.5]);
+            writer.write_row(&new, &ResultRow { values, ..row }).unwrap();
         }
     });
     writer.finish(EndReason::Complete).unwrap();
     let info = RecordingInfo::read(&path).unwrap();
-    let counts = ["/state", "/contacts", "/energies", "/pulses"].map(|topic| info.messages(topic));
+    let counts = ["/state", "/contacts", "/new", "/pulses"].map(|topic| info.messages(topic));
     assert_eq!(counts, [10, 6, 6, 0]);
+    let mut rows = RecordedRows::open(&path, "/new").unwrap();
+    let row = rows.next_row().unwrap().unwrap();
+    assert_eq!((row.frame, row.values), (4, KeptValues::Numbers(vec![0.5, -0.5])));
+    assert_eq!(rows.names(), ["a_m", "b_m"]);
     let mut map = ContactsReader::open(&path).unwrap();
     let row = map.next_row().unwrap().unwrap();
     assert_eq!((row.frame, row.tolerance_m, row.classes), (4, 1e-12, &[1; 39][..]));

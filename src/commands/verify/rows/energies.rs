@@ -53,6 +53,15 @@ impl EnergyRows {
         }
     }
 
+    /// What is wrong with the row of `frame`, which has values of these names.
+    pub(super) fn take_named(&mut self, frame: &Frame<'_>, names: &[&str], values: &[f64]) -> Option<String> {
+        if !EnergyRow::COLUMNS.starts_with(names) {
+            return Some(format!("it has the columns {}", names.join(",")));
+        }
+        // rows of schema version 1.0 know nothing of drives
+        self.take(frame, Some(&std::array::from_fn(|at| values.get(at).copied().unwrap_or(0.0))))
+    }
+
     /// What is wrong with the row of `frame`, if it has one.
     pub(super) fn take(
         &mut self,

@@ -213,7 +213,8 @@ impl Consumer {
         world: &mut World,
         truths: &[Truth],
     ) -> Result<(), String> {
-        let (turn, now, stream) = (following.turn(), world.now, following.stream());
+        let (turn, now) = (following.turn(), world.now);
+        let stream = following.stream().ok_or("frames of no stream")?;
         self.say(world, &turn);
         match turn {
             Turn::Take => {

@@ -5,6 +5,7 @@ use crate::proto;
 use crate::read::contents::Channel;
 use crate::read::records::RecordReader;
 use crate::repair::layout::SummarySection;
+use crate::results::row_messages::{RowMessages, name_of_results};
 use schemas::frame::EndReason;
 use schemas::manifest::SCHEMA_VERSION;
 
@@ -88,12 +89,18 @@ impl Audit {
 fn wrong_definition(channel: &Channel) -> Option<String> {
     let by_topic = proto::ALL.iter().take(proto::OF_FRAMES.len()).find(|known| known.topic == channel.topic);
     let by_name = || proto::ALL.iter().find(|known| known.message == channel.schema.name);
-    let known = by_topic.or_else(by_name)?;
-    let is_right = channel.schema.name == known.message
+    let (message, descriptor) = match by_topic.or_else(by_name) {
+        Some(known) => (known.message, (known.descriptor)().to_vec()),
+        None if name_of_results(channel).is_some_and(|name| !name.is_own()) => {
+            let rows = RowMessages::of_channel(channel);
+            (channel.schema.name.as_str(), rows.map(|rows| rows.descriptor()).unwrap_or_default())
+        }
+        None => return None,
+    };
+    let is_right = channel.schema.name == message
         && channel.message_encoding == "protobuf"
         && channel.schema.encoding == "protobuf"
-        && *channel.schema.text == *(known.descriptor)();
-    (!is_right).then(|| {
-        format!("the channel `{}` has not the schema of {} that we know", channel.topic, known.message)
-    })
+        && *channel.schema.text == *descriptor;
+    (!is_right)
+        .then(|| format!("the channel `{}` has not the schema of {message} that we know", channel.topic))
 }

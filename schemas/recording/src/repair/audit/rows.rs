@@ -1,20 +1,10 @@
 //! Rows of results: whose they are, and whether they are in order.
 
-use crate::proto;
-use crate::read::contents::Channel;
-use crate::results::columns::RowHead;
+use crate::results::row_messages::RowHead;
 use schemas::manifest::RunManifest;
 
 /// The ranges of missing rows that are kept; more are only counted.
 const MOST_RANGES: usize = 20;
-
-/// Whether the messages of `channel` are rows of results, of our analyses or of somebody else's.
-pub(super) fn is_of_results(channel: &Channel) -> bool {
-    let is_known =
-        |known: &proto::Topic| known.topic == channel.topic && known.message == channel.schema.name;
-    let is_own = || channel.topic.starts_with("/own/") && channel.schema.name.starts_with("beadline.own.");
-    proto::ALL.iter().skip(proto::OF_FRAMES.len()).any(is_known) || is_own()
-}
 
 /// The rows of one topic.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -1,0 +1,93 @@
+//! Publishing a topic of slices, whose consumers may hold it back: what frames and rows of results have in common.
+
+use super::backpressure::{Backpressure, Remedies};
+use super::services::{self, SliceService, check_schema, text_of};
+use super::wire::StateHeader;
+use super::{Bus, BusError, Ipc, room};
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::prelude::ZeroCopySend;
+use schemas::results::Topic;
+use schemas::run_name::RunName;
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often we look whether others have done what we wait for.
+const LOOK_PERIOD: Duration = Duration::from_millis(1);
+/// How often we look meanwhile whether they live.
+const CLEAN_PERIOD: Duration = Duration::from_millis(50);
+
+/// A publisher and what decides whom it waits for.
+pub(super) type Outlet<T> = (Publisher<Ipc, [T], StateHeader>, Arc<Backpressure<T>>);
+
+/// A topic that is to be published. Its bus is locked until it has its memory.
+pub(super) struct Opening<'a> {
+    pub(super) bus: &'a Bus,
+    pub(super) node: &'a Node<Ipc>,
+    pub(super) run: &'a RunName,
+    pub(super) topic: Topic,
+    /// Elements of the longest slice.
+    pub(super) elements: usize,
+    /// Ends a send that is held back.
+    pub(super) stop: &'a Arc<AtomicBool>,
+    /// How long a lossless consumer may take nothing.
+    pub(super) stuck_after: Duration,
+    /// How long a dead publisher may take to vanish.
+    pub(super) patience: Duration,
+    pub(super) remedies: Remedies,
+}
+
+impl Opening<'_> {
+    /// The service, with attributes `more` if it is new. One that consumers of an earlier run still hold stays as it is.
+    pub(super) fn service<T: Debug + ZeroCopySend + 'static>(
+        &self,
+        more: &[(&str, String)],
+    ) -> Result<SliceService<T>, BusError> {
+        check_schema(self.bus, self.run, self.topic)?;
+        let slot_bytes = (self.elements * size_of::<T>()) as u64;
+        let free_bytes = room::free_bytes()?;
+        let limits = room::plan(slot_bytes, free_bytes);
+        let service = services::slices(self.node, self.run, self.topic, limits, more)?;
+        room::check(slot_bytes, services::limits_of(&service), free_bytes)?;
+        Ok(service)
+    }
+
+    /// The publisher of `service`, with all of its memory; none if a living process has one.
+    pub(super) fn publisher<T: Debug + ZeroCopySend + 'static>(
+        &self,
+        service: SliceService<T>,
+    ) -> Result<Option<Outlet<T>>, BusError> {
+        let text = text_of(self.run, self.topic);
+        let notifier = services::events(self.node, self.run, self.topic)?.notifier_builder().create();
+        let notifier = notifier.map_err(|e| BusError::service(&text, "notify", &e))?;
+        let (config, stop) = (self.bus.config().clone(), Arc::clone(self.stop));
+        let backpressure =
+            Backpressure::new(service, config, notifier, stop, self.stuck_after, self.remedies);
+        // the one place where two publishers of one name are told apart
+        let publisher = backpressure.publisher(self.bus, self.node, self.elements, self.patience);
+        let publisher = publisher.map_err(|e| BusError::service(&text, "publish", &e))?;
+        let Some(publisher) = publisher else { return Ok(None) };
+        room::reserve(self.bus.prefix(), publisher.id().value())?;
+        Ok(Some((publisher, backpressure)))
+    }
+}
+
+/// Waits until other processes have done what `is_done` looks at, `stop` is set, or `at_most` is over. Dead ones are
+/// cleaned up meanwhile.
+pub(super) fn wait_for_others(
+    node: &Node<Ipc>,
+    stop: &AtomicBool,
+    at_most: Duration,
+    mut is_done: impl FnMut() -> bool,
+) {
+    let (start, mut cleaned) = (Instant::now(), Instant::now());
+    while !is_done() && start.elapsed() < at_most && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(LOOK_PERIOD);
+        if cleaned.elapsed() >= CLEAN_PERIOD {
+            node.try_cleanup_dead_nodes();
+            cleaned = Instant::now();
+        }
+    }
+}
