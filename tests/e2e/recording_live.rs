@@ -368,3 +368,30 @@ fn what_cannot_be_recorded_is_refused() {
     place.run("record --out run.mcap --timeout 0.1").exits(1).says(&["waiting for a run"]);
     assert!(!place.path("run.mcap.partial").exists());
 }
+
+/// Every analysis of the list that publishes rows is recorded, and `verify` makes its rows again.
+#[test]
+fn rows_of_any_analysis_are_recorded_and_proven() {
+    let place = Place::new();
+    let run = "run --preset precompressed --beads 30 --duration 0.001 --name all --publish-every-steps 5 --no-record";
+    let run = place.start(&format!("{run} --wait-for 5"));
+    let recorder = place.start("record live:all --out all.mcap");
+    let analyses = ["spreading", "forces --at bead:3 --at contact:7", "modes --energy --mode 2", "impurity --bead 4"]
+        .map(|words| place.start(&format!("{words} live:all")));
+    run.wait().exits(0);
+    for analysis in analyses {
+        analysis.wait().exits(0);
+    }
+    recorder.wait().exits(0);
+    let proof = place.run("verify all.mcap --json").exits(0).json().to_string();
+    for topic in ["/spreading", "/forces", "/modes", "/impurity"] {
+        assert!(proof.contains(&format!("\"topic\":\"{topic}\"")), "{topic} is not in {proof}");
+    }
+    // a row that is another is found
+    let mut bytes = std::fs::read(place.path("all.mcap")).unwrap();
+    assert!(bytes.len() > 1000 && place.run("info all.mcap").exits(0).stdout().contains("/modes"));
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(place.path("bad.mcap"), bytes).unwrap();
+    assert!(matches!(place.run("verify bad.mcap").code(), Some(2 | 3)));
+}
