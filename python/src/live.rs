@@ -3,6 +3,7 @@
 mod results;
 mod shared;
 
+use crate::arrays::{StateTuple, state_of};
 use crate::errors::Why;
 use crate::fields::field_of;
 use crate::patience::{LOOK, stoppable};

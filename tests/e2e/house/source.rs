@@ -79,11 +79,8 @@ impl Source {
     pub(super) fn implements(&self, at: usize) -> Option<&str> {
         let above =
             self.lines[..at].iter().rev().find(|line| indent(line) == 0 && line.ends_with(['{', '}']))?;
-        let words = above
-            .strip_prefix("impl")?
-            .split([' ', '<', '>'])
-            .filter(|word| word.starts_with(char::is_uppercase));
-        words.last()
+        let mut words = above.strip_prefix("impl")?.split([' ', '<', '>']);
+        words.rfind(|word| word.starts_with(char::is_uppercase))
     }
 }
 
