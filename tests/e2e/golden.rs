@@ -37,7 +37,8 @@ fn recordings_of_every_version_are_read_for_ever() {
         let mut expected =
             fs::read(&expected).map_or(Value::Null, |text| serde_json::from_slice(&text).unwrap());
         if version.ends_with("1.0-kernel-2") {
-            for (name, command) in RETIRED.iter().flat_map(|name| [(name, "verify"), (name, "energies --every-step")])
+            for (name, command) in
+                RETIRED.iter().flat_map(|name| [(name, "verify"), (name, "energies --every-step")])
             {
                 expected[name]["exit_codes"][command] = 3.into();
             }

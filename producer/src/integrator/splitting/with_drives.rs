@@ -140,9 +140,11 @@ impl Splitting {
         if let Some(drives) = &others.drives {
             let mut before = std::mem::take(&mut others.before_kick);
             before.clear();
-            before.extend((0..drives.count()).map(|d| {
-                (drives.velocity_at(d, &state.v_m_s), self.net_of_moved(drives, d, others, state))
-            }));
+            before.extend(
+                (0..drives.count()).map(|d| {
+                    (drives.velocity_at(d, &state.v_m_s), self.net_of_moved(drives, d, others, state))
+                }),
+            );
             others.before_kick = before;
         }
         if self.kernel.sites().is_none() {
