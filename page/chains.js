@@ -5,8 +5,9 @@
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
 import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
+import { LAWS } from "./laws.js";
 import { Knots, Piece } from "./pieces.js";
-import { Waveform, expm1, q2 } from "./waveforms.js";
+import { Waveform } from "./waveforms.js";
 
 /** @import { Chain, DriveEntry, Physics } from "./types.js" */
 /** @import { Motion } from "./kernel.js" */
@@ -30,10 +31,10 @@ class Term {
    * @param {Float64Array} k
    */
   constructor(kind, parameter, k) {
-    if (!["power", "toda"].includes(kind) && !(kind === "spring" && [1, 2, 3].includes(parameter))) {
+    this.law = Object.hasOwn(LAWS, kind) ? LAWS[kind] : undefined;
+    if (kind !== "power" && !this.law?.has(parameter)) {
       throw new Error(`/chain has a term of a kind that is not known here: ${kind}, ${parameter}`);
     }
-    this.kind = kind;
     this.parameter = parameter;
     this.k = k;
     this.power = kind === "power" ? new Power(parameter) : undefined;
@@ -42,17 +43,11 @@ class Term {
 
   /** T of contact i. @param {number} i @param {number} delta */
   force(i, delta) {
-    const [k, b] = [this.k[i], this.parameter];
+    const k = this.k[i];
     if (k === 0) {
       return 0;
     }
-    if (this.power !== undefined) {
-      return k * this.power.at(delta);
-    }
-    if (this.kind === "toda") {
-      return k * (expm1(b * delta) / b);
-    }
-    return k * (b === 1 ? delta : b === 2 ? delta * delta : delta * delta * delta);
+    return this.law?.force(k, this.parameter, delta) ?? k * /** @type {Power} */ (this.power).at(delta);
   }
 
   /** U of a power, 0 of others. @param {number} i @param {number} delta */
@@ -72,22 +67,14 @@ class Term {
     if (k === 0) {
       return 0;
     }
-    if (this.power !== undefined) {
-      const [x, rest] = [a / rho, this.force(i, rho)];
-      if (Math.abs(x) <= 1 / (16 * (b + 1))) {
-        return rest * a * x * this.series.reduceRight((total, e) => total * x + e, 0);
-      }
-      return this.energy(i, a + rho) - this.energy(i, rho) - rest * a;
+    if (this.law !== undefined) {
+      return this.law.excess(k, b, a, rho);
     }
-    if (this.kind === "toda") {
-      const x = b * a;
-      return k * (expm1(b * rho) + 1) * (Math.abs(x) <= 0.34 ? a * a * q2(x) : (expm1(x) / b - a) / b);
+    const [x, rest] = [a / rho, this.force(i, rho)];
+    if (Math.abs(x) <= 1 / (16 * (b + 1))) {
+      return rest * a * x * this.series.reduceRight((total, e) => total * x + e, 0);
     }
-    const square = a * a;
-    if (b === 1) {
-      return 0.5 * k * square;
-    }
-    return k * square * (b === 2 ? rho + a / 3 : 1.5 * (rho * rho) + rho * a + 0.25 * square);
+    return this.energy(i, a + rho) - this.energy(i, rho) - rest * a;
   }
 }
 

@@ -1,5 +1,7 @@
 // Keys of `physics` in a manifest: those that this page knows, and those that can be changed.
 
+import { BONDS } from "./laws.js";
+
 /** Keys of a chain of one power law that something strikes, each with what it holds if that has keys, too. */
 const PLAIN_KEYS = {
   ...{ kernel_version: 0, beads: 0, bead_mass_kg: 0, alpha: 0, stiffness: 0, method: 0, dt_s: 0, step_count: 0 },
@@ -29,7 +31,9 @@ const SHAPES = {
 const PHYSICS_KEYS = {
   ...PLAIN_KEYS,
   ...{ seed: 0, disorder: 0, spheres: 0, odd_spheres: 0, alphas: 0, second: 0, gaps_m: 0, initial: 0 },
-  bonds: { linear: 0, quadratic: 0, cubic: 0, toda: { stiffness: 0, steepness_per_m: 0 } },
+  bonds: Object.fromEntries(
+    Object.entries(BONDS).map(([key, { parameter }]) => [key, parameter === undefined ? 0 : { stiffness: 0, [parameter]: 0 }]),
+  ),
   on_site: { linear_n_per_m: 0, cubic_n_per_m3: 0, drag_n_s_per_m: 0 },
   resonators: { mass_kg: 0, stiffness_n_per_m: 0 },
   ends: {

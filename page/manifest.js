@@ -2,6 +2,7 @@
 // longest step and the range of the scales follow from a resolved chain, and `verify` knows them.
 
 import { METHODS } from "./kernel.js";
+import { BONDS } from "./laws.js";
 import { Waveform } from "./waveforms.js";
 
 /** @typedef {(value: any, key: string) => void} Rule throws an Error whose message is for the user */
@@ -178,10 +179,12 @@ function rulesOf(beads, contacts) {
       gaps_m: ofContacts(orZero),
       bonds: object(
         {},
-        {
-          ...{ linear: ofContacts(orZero), quadratic: ofContacts(eitherSign), cubic: ofContacts(orZero) },
-          toda: object({ stiffness: ofContacts(orZero), steepness_per_m: positive }),
-        },
+        Object.fromEntries(
+          Object.entries(BONDS).map(([key, { hasEitherSign, parameter }]) => {
+            const stiffness = ofContacts(hasEitherSign ? eitherSign : orZero);
+            return [key, parameter === undefined ? stiffness : object({ stiffness, [parameter]: positive })];
+          }),
+        ),
       ),
       on_site: object(
         {},
@@ -252,8 +255,8 @@ function checkLaws(physics) {
     if (isElse || contacts?.length > 0 || load?.gravity_m_s2) {
       refuse("bonds", "bonds and contacts", "bonds alone");
     }
-    if (bonds.linear === undefined && bonds.cubic === undefined && bonds.toda === undefined) {
-      refuse("bonds", bonds, "linear, cubic or toda among them");
+    if (!Object.entries(BONDS).some(([key, { holds }]) => holds && bonds[key] !== undefined)) {
+      refuse("bonds", bonds, "one among them that has a bottom");
     }
   }
   disorder.forEach((/** @type {any} */ one, /** @type {number} */ i) => {
@@ -410,7 +413,8 @@ function needsKernel3(physics) {
     new Waveform(shape, physics.dt_s).knots().some((knot) => knot >= 0 && knot <= end),
   );
   const isEven = (/** @type {any} */ values) => values === undefined || typeof values === "number";
-  const evenBonds = [bonds.linear, bonds.quadratic, bonds.cubic, bonds.toda?.stiffness, second?.stiffness].every(isEven);
+  const stiffnessOf = (/** @type {string} */ key) => (BONDS[key].parameter === undefined ? bonds[key] : bonds[key]?.stiffness);
+  const evenBonds = [...Object.keys(BONDS).map(stiffnessOf), second?.stiffness].every(isEven);
   const evenContacts = stiffnesses === "uniform" && contacts.length === 0 && alphas === undefined && physics.gaps_m === undefined;
   const onlyMasses = disorder.every((/** @type {any} */ { of }) => of === "masses");
   const closes = ends.left === "periodic" && !(evenBonds && evenContacts && onlyMasses);

@@ -35,6 +35,7 @@ pub(crate) const MODULES: &[(&str, &str)] = &[
     ("kernel", include_str!("../kernel.js")),
     ("keyboard", include_str!("../keyboard.js")),
     ("keys", include_str!("../keys.js")),
+    ("laws", include_str!("../laws.js")),
     ("live", include_str!("../live.js")),
     ("manifest", include_str!("../manifest.js")),
     ("map", include_str!("../map.js")),

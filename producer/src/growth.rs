@@ -196,19 +196,7 @@ impl Growth {
             law.forces(u_m, stiffness, rest_m, force_n);
             for c in 0..slope.len() {
                 let overlap_m = (u_m[c] - u_m[c + 1]) + rest_m[c];
-                slope[c] += match law {
-                    TermLaw::Power(law) => {
-                        if overlap_m > 0.0 {
-                            law.alpha() * (force_n[c] / overlap_m)
-                        } else {
-                            0.0
-                        }
-                    }
-                    TermLaw::Spring(1) => stiffness[c],
-                    TermLaw::Spring(2) => 2.0 * stiffness[c] * overlap_m,
-                    TermLaw::Spring(_) => 3.0 * stiffness[c] * (overlap_m * overlap_m),
-                    TermLaw::Toda(b) => stiffness[c] + b * force_n[c],
-                };
+                slope[c] += law.tangent_by_force(stiffness[c], overlap_m, force_n[c]);
             }
         }
     }

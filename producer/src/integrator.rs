@@ -88,8 +88,8 @@ impl Integrator {
     }
 }
 
-/// What the method of `physics` carries beside a state with the displacements `u_m` (m) and velocities `v_m_s` (m/s): the first rows of
-/// `extra`.
+/// The first rows of `extra`, which the method of `physics` carries, beside the displacements `u_m` (m) and velocities `v_m_s` (m/s)
+/// of a state.
 pub(crate) fn first_terms(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Vec<f64> {
     match physics.method {
         Method::Gear5 => taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s),

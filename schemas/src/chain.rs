@@ -1,7 +1,7 @@
 //! The resolved chain: one number for each bead and each contact, and sums over them.
 
 use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
-use crate::damping::{ContactDamping, Damping};
+use crate::damping::ContactDamping;
 use crate::excess::{AtRest, Excess};
 use crate::rows::Rows;
 use crate::simd::{ordered_sum, vectorized};
@@ -227,11 +227,9 @@ impl Chain {
         if !self.is_bonded && overlap_m <= self.law.zero_up_to_m() {
             return 0.0;
         }
-        let factor = match (damping.kind, damping.kind.raised(self.law.alpha())) {
-            (_, Some(raised)) => raised.force(1.0, overlap_m) / overlap_m,
-            (Damping::Restitution(_), None) => (self.law.force(1.0, overlap_m) / overlap_m).sqrt(),
-            _ => 1.0,
-        };
+        let raised = damping.kind.raised(self.law.alpha());
+        let raised = raised.as_ref().unwrap_or(&self.law).force(1.0, overlap_m);
+        let factor = damping.kind.factor().at(raised, overlap_m);
         let force_n = elastic_n + coefficient * factor * rate_m_s;
         if self.is_bonded || force_n > 0.0 { force_n } else { 0.0 }
     }

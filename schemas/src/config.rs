@@ -1,28 +1,33 @@
 //! A run's configuration as a user writes it.
 //!
-//! A [`RunConfig`] may still be impossible; [`crate::manifest::Physics::resolve`] turns it into the
+//! A [`RunConfig`] may still be impossible; `Physics::resolve` turns it into the
 //! validated form that everything else uses.
 
-mod beyond;
+mod bonds;
+mod disorder;
 mod initial;
 mod profile;
 mod several;
+mod sites;
+mod spheres;
+mod strikers;
 mod words;
 
-pub use beyond::{
-    Bonds, Disorder, Disordered, OddSphere, OnSite, Resonators, SecondPower, Sphere, Spheres, Strikers, Toda,
-    TwoValued, WallMaterial,
-};
+pub use crate::config_error::{ConfigError, line_at, line_of_key};
+pub use crate::damping::{DampingConfig, PowerDamping};
+pub use bonds::{Bond, Bonds, SecondPower};
+pub use disorder::{Disorder, Disordered, TwoValued};
 pub use initial::{FromRecording, Gaussian, Initial, ModeShape, PlaneWave, Solitary, Thermal};
 pub use profile::Profile;
+pub use sites::{OnSite, Resonators};
+pub use spheres::{OddSphere, Sphere, Spheres, WallMaterial};
+pub use strikers::Strikers;
 
 use crate::amounts::count;
 use crate::drive::Drive;
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::path::{Path, PathBuf};
 
 /// A configuration file (TOML), every value as written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -267,30 +272,6 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// The `[damping]` table: one of its keys.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DampingConfig {
-    /// A dashpot in every closed contact: the force `γ·dδ/dt`, γ in N·s/m.
-    ViscousNSPerM(f64),
-    /// Coefficient of restitution e of two beads, the same at any speed: the force `η·δ^((α−1)/2)·dδ/dt`.
-    Restitution(f64),
-    /// Kuwabara's and Kono's law of viscoelastic spheres: `k·α·A·δ^(α−1)·dδ/dt` with a time A (s).
-    KuwabaraKonoS(f64),
-    /// `η·δ^p·dδ/dt` with any p.
-    Power(PowerDamping),
-}
-
-/// A damping force `η·δ^p·dδ/dt`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PowerDamping {
-    /// η (N·s·m^(−1−p)).
-    pub coefficient: f64,
-    /// p, 0 or more.
-    pub exponent: f64,
-}
-
 /// A bead of another mass.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -333,7 +314,7 @@ pub struct IntegratorConfig {
 
 impl Default for IntegratorConfig {
     fn default() -> Self {
-        Self { method: Method::Rkn4 }
+        Self { method: Method::default_for(&[]) }
     }
 }
 
@@ -352,76 +333,6 @@ impl Default for StreamConfig {
         Self { publish_every_steps: 1, record_every_steps: 1 }
     }
 }
-
-/// Why a configuration cannot be used.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ConfigError {
-    /// Where it was read, if it was a file.
-    pub path: Option<PathBuf>,
-    /// The line (from 1), if the value stands in a file.
-    pub line: Option<usize>,
-    /// The key, such as `chain.alpha`; empty if the text could not be read at all.
-    pub key: String,
-    /// What was found, what is allowed.
-    pub message: String,
-}
-
-impl ConfigError {
-    /// An impossible value: `key`, what was found, what is allowed.
-    pub(crate) fn value(key: &str, found: impl fmt::Display, allowed: &str) -> Self {
-        Self {
-            path: None,
-            line: None,
-            key: key.to_owned(),
-            message: format!("found {found}; allowed: {allowed}"),
-        }
-    }
-
-    /// A key that is not there.
-    fn missing(key: &str) -> Self {
-        let message = format!("missing; {}", words::EXAMPLE);
-        Self { path: None, line: None, key: key.to_owned(), message }
-    }
-
-    /// An impossible number, written with an exponent where it is very small or very large.
-    pub(crate) fn number(key: &str, found: f64, allowed: &str) -> Self {
-        let plain = found == 0.0 || (1e-4..1e6).contains(&found.abs());
-        if plain {
-            Self::value(key, found, allowed)
-        } else {
-            Self::value(key, format_args!("{found:e}"), allowed)
-        }
-    }
-
-    /// The same error with the line of `toml` at which its key stands, or would stand, and the file's `path`.
-    #[must_use]
-    pub fn located(mut self, toml: &str, path: Option<&Path>) -> Self {
-        self.path = path.map(Path::to_owned);
-        // of a key that is not written, the line of what it would stand in
-        let mut around =
-            std::iter::successors(Some(self.key.as_str()), |key| Some(key.rsplit_once(['.', '['])?.0));
-        self.line = self.line.or_else(|| around.find_map(|key| line_of_key(toml, key)));
-        self
-    }
-}
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (&self.path, self.line) {
-            (Some(path), Some(line)) => write!(f, "{}:{line}: ", path.display())?,
-            (Some(path), None) => write!(f, "{}: ", path.display())?,
-            (None, Some(line)) => write!(f, "line {line}: ")?,
-            (None, None) => {}
-        }
-        if self.key.is_empty() {
-            write!(f, "{}", self.message)
-        } else {
-            write!(f, "{}: {}", self.key, self.message)
-        }
-    }
-}
-
-impl std::error::Error for ConfigError {}
 
 impl RunConfig {
     /// Reads a configuration from TOML text.
@@ -495,8 +406,8 @@ impl RunConfig {
             if !bonds.hold() {
                 return Err(Bonds::refusal());
             }
-            let linear = bonds.linear.as_ref().or(bonds.toda.as_ref().map(|toda| &toda.stiffness));
-            usual = [f64::NAN, 1.0, linear.map_or(f64::NAN, Profile::largest)];
+            let slope = bonds.laws().find(|bond| bond.form.is_slope);
+            usual = [f64::NAN, 1.0, slope.map_or(f64::NAN, |bond| bond.stiffness.largest())];
         }
         let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
@@ -515,7 +426,7 @@ impl RunConfig {
         Ok(())
     }
 
-    /// The method where a configuration names none: [`Method::Rkn4`], or one that takes forces of velocities where there are any.
+    /// The method where a configuration names none: the usual one, or one that takes forces of velocities where there are any.
     fn default_method(&self) -> Method {
         let is_slowed = self.on_site.drag_n_s_per_m.is_some()
             || [self.ends.left, self.ends.right].contains(&End::Absorbing);
@@ -566,36 +477,6 @@ fn long_text(table: &toml::Table) -> Option<(String, usize)> {
     table.iter().find_map(|(name, value)| below(value).map(|(key, bytes)| (format!("{name}{key}"), bytes)))
 }
 
-/// The line, from 1, of byte `offset` of `text`.
-pub fn line_at(text: &str, offset: usize) -> usize {
-    let end = offset.min(text.len()); // integers
-    text.as_bytes()[..end].split(|byte| *byte == b'\n').count()
-}
-
-/// The line (from 1) of a dotted key such as `chain.impurities[1].mass_kg` in `toml`, if it is there.
-pub fn line_of_key(toml: &str, key: &str) -> Option<usize> {
-    let document = toml::de::DeTable::parse(toml).ok()?;
-    let mut table = Some(document.get_ref());
-    let mut found = None;
-    for part in key.split('.') {
-        let (name, index) = match part.split_once('[') {
-            Some((name, rest)) => (name, rest.strip_suffix(']').and_then(|i| i.parse().ok())),
-            None => (part, None::<usize>),
-        };
-        let (_, value) = table?.iter().find(|(k, _)| k.get_ref().as_ref() == name)?;
-        let mut value = value;
-        if let (Some(index), toml::de::DeValue::Array(array)) = (index, value.get_ref()) {
-            value = array.get(index)?;
-        }
-        found = Some(line_at(toml, value.span().start));
-        table = match value.get_ref() {
-            toml::de::DeValue::Table(inner) => Some(inner),
-            _ => None,
-        };
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -628,24 +509,6 @@ mod tests {
         for (from, to) in [("restitution", "bounce"), ("pattern_kg", "pattern"), ("\"fixed\"", "\"stuck\"")] {
             let error = RunConfig::from_toml(&text.replace(from, to)).expect_err("unknown");
             assert!(error.line.is_some() && error.message.contains("allowed: "), "{error}");
-        }
-    }
-
-    /// Every configuration that the documentation shows is a possible run.
-    #[test]
-    fn the_documented_configurations_are_valid() {
-        let page = include_str!("../../docs/CONFIGURATION.md");
-        // a sweep file has its own test
-        let page = page.split("## Sweeps").next().expect("a part");
-        let blocks: Vec<&str> =
-            page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 11);
-        for block in &blocks {
-            let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
-            let physics = crate::manifest::Physics::resolve(&config);
-            let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
-            let expected = if config.damping.is_some() { Method::Rk5 } else { Method::Rkn4 };
-            assert_eq!(physics.method, expected);
         }
     }
 

@@ -10,11 +10,35 @@
 //! T. Schwager and T. Pöschel, Granul. Matter 9 (2007) 465, doi:10.1007/s10035-007-0065-z (the end of a
 //! contact that never pulls).
 
-use crate::config::{ConfigError, DampingConfig, PowerDamping};
+use crate::config_error::ConfigError;
 use crate::contact::ContactLaw;
 use crate::power::power;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::E;
+
+/// The `[damping]` table: one of its keys.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DampingConfig {
+    /// A dashpot in every closed contact: the force `γ·dδ/dt`, γ in N·s/m.
+    ViscousNSPerM(f64),
+    /// Coefficient of restitution e of two beads, the same at any speed: the force `η·δ^((α−1)/2)·dδ/dt`.
+    Restitution(f64),
+    /// Kuwabara's and Kono's law of viscoelastic spheres: `k·α·A·δ^(α−1)·dδ/dt` with a time A (s).
+    KuwabaraKonoS(f64),
+    /// `η·δ^p·dδ/dt` with any p.
+    Power(PowerDamping),
+}
+
+/// A damping force `η·δ^p·dδ/dt`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PowerDamping {
+    /// η (N·s·m^(−1−p)).
+    pub coefficient: f64,
+    /// p, 0 or more.
+    pub exponent: f64,
+}
 
 /// The damping of every contact of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -185,12 +209,82 @@ impl Damping {
         }
     }
 
+    /// Its key under `[damping]`.
+    pub(crate) fn key(&self) -> &'static str {
+        match self {
+            Self::ViscousNSPerM(_) => "viscous_n_s_per_m",
+            Self::Restitution(_) => "restitution",
+            Self::KuwabaraKonoS(_) => "kuwabara_kono_s",
+            Self::Power(_) => "power",
+        }
+    }
+
+    /// A phrase for captions and listings.
+    pub(crate) fn words(&self) -> String {
+        match self {
+            Self::ViscousNSPerM(coefficient) => format!("dashpots of {coefficient} N·s/m"),
+            Self::Restitution(restitution) => {
+                format!("coefficient of restitution {}", restitution.coefficient)
+            }
+            Self::KuwabaraKonoS(time_s) => format!("viscoelastic spheres, A = {time_s:e} s"),
+            Self::Power(PowerDamping { coefficient, exponent }) => {
+                format!("damping {coefficient}·δ^{exponent}·dδ/dt")
+            }
+        }
+    }
+
+    /// True if manifests of version 1.0 do not have it.
+    pub(crate) fn is_since_1_1(&self) -> bool {
+        matches!(self, Self::KuwabaraKonoS(_) | Self::Power(_))
+    }
+
+    /// The part of the usual step that the time has in which it slows a bead down, where it has any.
+    pub(crate) fn settling_fraction(&self) -> Option<f64> {
+        match self {
+            Self::ViscousNSPerM(_) => Some(0.4),
+            Self::Restitution(_) => Some(1.0),
+            Self::KuwabaraKonoS(_) | Self::Power(_) => None,
+        }
+    }
+
+    /// The form in which the factor δ^p of its force is computed.
+    pub fn factor(&self) -> Factor {
+        match self {
+            Self::ViscousNSPerM(_) => Factor::One,
+            Self::Restitution(_) => Factor::Root,
+            Self::KuwabaraKonoS(_) | Self::Power(_) => Factor::Ratio,
+        }
+    }
+
     /// Where δ^p is computed as `δ^q/δ`: the law of δ^q with q = p + 1.
     pub fn raised(&self, alpha: f64) -> Option<ContactLaw> {
         match self {
             Self::ViscousNSPerM(_) | Self::Restitution(_) => None,
             Self::KuwabaraKonoS(_) => Some(ContactLaw::new(alpha)),
             Self::Power(PowerDamping { exponent, .. }) => Some(ContactLaw::new(exponent + 1.0)),
+        }
+    }
+}
+
+/// The form in which the factor δ^p of a damping force is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Factor {
+    /// p = 0.
+    One,
+    /// p = (α − 1)/2: `√(δ^α/δ)`.
+    Root,
+    /// Any p: `δ^q/δ` with q = p + 1.
+    Ratio,
+}
+
+impl Factor {
+    /// δ^p at the overlap `overlap_m`, with `raised` = δ^α, or δ^q.
+    #[inline(always)]
+    pub fn at(self, raised: f64, overlap_m: f64) -> f64 {
+        match self {
+            Self::One => 1.0,
+            Self::Root => (raised / overlap_m).sqrt(),
+            Self::Ratio => raised / overlap_m,
         }
     }
 }

@@ -10,7 +10,7 @@ pub use knots::{APART, knots_of};
 pub use table::{Interpolation, Table, table_from_csv};
 pub use waveform::{Chirp, Gaussian, HalfSine, Ramp, Sine, Step, Waveform};
 
-use crate::config::ConfigError;
+use crate::config_error::ConfigError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -7,6 +7,7 @@
 pub mod amounts;
 pub mod chain;
 pub mod config;
+mod config_error;
 pub mod contact;
 pub mod damping;
 pub mod drive;

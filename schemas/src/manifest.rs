@@ -412,6 +412,7 @@ fn usize_of(beads: u64) -> usize {
 mod tests {
     use super::*;
     use crate::config::{DampingConfig, MassRule, OddContact, StiffnessRule};
+    use crate::method::Method;
     use crate::presets::PRESETS;
 
     fn origin() -> Origin {
@@ -420,6 +421,24 @@ mod tests {
 
     fn manifest() -> RunManifest {
         RunManifest::new(&PRESETS[0].config(), "run", origin()).expect("valid preset")
+    }
+
+    /// Every configuration that the documentation shows is a possible run.
+    #[test]
+    fn the_documented_configurations_are_valid() {
+        let page = include_str!("../../docs/CONFIGURATION.md");
+        // a sweep file has its own test
+        let page = page.split("## Sweeps").next().expect("a part");
+        let blocks: Vec<&str> =
+            page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+        assert_eq!(blocks.len(), 11);
+        for block in &blocks {
+            let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let physics = Physics::resolve(&config);
+            let physics = physics.unwrap_or_else(|error| panic!("{error} in\n{block}"));
+            let expected = if config.damping.is_some() { Method::Rk5 } else { Method::Rkn4 };
+            assert_eq!(physics.method, expected);
+        }
     }
 
     /// 0.08 s in steps of 0.02·72.477966 µs, or as nearly as divides them.

@@ -1,6 +1,6 @@
 //! What beads are made of: the mass of a sphere, and the stiffness of contacts by Hertz's law.
 
-use crate::config::ConfigError;
+use crate::config_error::ConfigError;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

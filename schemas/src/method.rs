@@ -66,6 +66,8 @@ struct Row {
     /// True if manifests of version 1.0 do not have it.
     is_since_1_1: bool,
     takes: &'static [Feature],
+    /// The feature that it took in version 1.0 and takes no more.
+    took: Option<Feature>,
     /// The default step in collision times, and whether contacts that open shorten it.
     step: (f64, bool),
     /// The most of that for α = 1.5 and its growth with α, where a chain is none of the paper's and contacts open at full speed.
@@ -86,6 +88,7 @@ const TABLE: [Row; 4] = [
         extra_per_bead: 0,
         is_since_1_1: false,
         takes: FORCES_OF_POSITION,
+        took: None,
         step: (0.0025, false),
         blunt: None,
     },
@@ -98,6 +101,7 @@ const TABLE: [Row; 4] = [
         extra_per_bead: 0,
         is_since_1_1: false,
         takes: FORCES_OF_POSITION,
+        took: None,
         step: (0.02, true),
         blunt: Some((0.0075, 0.025)),
     },
@@ -110,6 +114,7 @@ const TABLE: [Row; 4] = [
         extra_per_bead: 4,
         is_since_1_1: false,
         takes: &[],
+        took: Some(Feature::Damping),
         step: (0.0025, true),
         blunt: None,
     },
@@ -130,6 +135,7 @@ const TABLE: [Row; 4] = [
             Feature::Ring,
             Feature::Drives,
         ],
+        took: None,
         step: (0.01, true),
         blunt: None,
     },
@@ -157,8 +163,7 @@ impl Method {
         self.row().name
     }
 
-    /// Doubles for each bead beyond displacement and velocity that a frame of this method carries. With damping and others more follow:
-    /// [`Physics::extra_per_bead`](crate::manifest::Physics::extra_per_bead).
+    /// Doubles for each bead beyond displacement and velocity that a frame of this method carries. With damping and others more follow.
     pub fn extra_per_bead(self) -> usize {
         self.row().extra_per_bead
     }
@@ -186,6 +191,11 @@ impl Method {
     /// True if it keeps its order in a run that has `feature`.
     pub fn takes(self, feature: Feature) -> bool {
         self.row().takes.contains(&feature)
+    }
+
+    /// The feature that it took in version 1.0 and takes no more.
+    pub(crate) fn took(self) -> Option<Feature> {
+        self.row().took
     }
 
     /// The method of a configuration that names none and has `features`.
@@ -219,7 +229,7 @@ impl Method {
         }
     }
 
-    /// What is left of [`Self::default_step_fraction`] where contacts open and close at full speed, each time with an error of the order
+    /// The part of [`Self::default_step_fraction`] that is left where contacts open and close at full speed, each time with an error of the order
     /// `dt^(α+1)`; half of it where they do so `again_and_again`.
     ///
     /// With `rkn4` it is at most 0.0075 up to α = 1.5, and a straight line to 0.02 at α = 2, but for the chains of the paper.

@@ -4,7 +4,7 @@ use super::sweep::{add_up, wall_elastic_n};
 use super::{Kernel, Rest};
 use schemas::chain::Chain;
 use schemas::contact::{ContactLaw, Power, PowerUser, evaluate};
-use schemas::damping::{ContactDamping, Damping};
+use schemas::damping::{ContactDamping, Factor};
 use schemas::simd::vectorized;
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ pub(crate) struct Motion<'a> {
 #[derive(Debug, Clone)]
 pub(super) struct Damped {
     contacts: ContactDamping,
-    /// Whether bonds, which are never cut, take the place of contacts.
+    /// True if bonds, which are never cut, take the place of contacts.
     is_bonded: bool,
     /// The law of δ^q of a damping that is computed as δ^q/δ.
     raised: Option<ContactLaw>,
@@ -36,17 +36,6 @@ impl Damped {
             is_bonded: chain.is_bonded,
         })
     }
-}
-
-/// How the factor δ^p of a damping force is computed.
-#[derive(Clone, Copy)]
-enum Factor {
-    /// p = 0.
-    One,
-    /// p = (α − 1)/2: `√(δ^α/δ)`.
-    Root,
-    /// Any p: `δ^q/δ` with q = p + 1.
-    Ratio,
 }
 
 impl Kernel {
@@ -120,7 +109,7 @@ impl Kernel {
         let (u_m, v_m_s) =
             (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
         let (overlap_m, rest_n) = (&rest.overlap_m[contacts.clone()], &rest.force_n[contacts.clone()]);
-        let factor = Factor::of(damped);
+        let factor = damped.contacts.kind.factor();
         if !matches!(factor, Factor::One) {
             let law = damped.raised.as_ref().unwrap_or(&self.law);
             let raised = Raised { u_m, overlap_m, zero_up_to_m: law.zero_up_to_m(), out: &mut *raised };
@@ -166,7 +155,7 @@ impl Kernel {
                 coefficient: damped.contacts.wall_coefficient[side],
             };
             let (damped_n, power_w) =
-                known.damped(Factor::of(damped), damped.is_bonded, self.law.zero_up_to_m());
+                known.damped(damped.contacts.kind.factor(), damped.is_bonded, self.law.zero_up_to_m());
             (damped_n - wall.rest_force_n, power_w)
         })
     }
@@ -179,16 +168,6 @@ impl Kernel {
             return [values[last] - values[0], 0.0];
         }
         [walls[0] - values[0], values[last] - walls[1]]
-    }
-}
-
-impl Factor {
-    fn of(damped: &Damped) -> Self {
-        match damped.contacts.kind {
-            Damping::ViscousNSPerM(_) => Self::One,
-            Damping::Restitution(_) => Self::Root,
-            Damping::KuwabaraKonoS(_) | Damping::Power(_) => Self::Ratio,
-        }
     }
 }
 
@@ -208,11 +187,7 @@ impl Known {
         if !is_bonded && self.overlap_m <= zero_up_to_m {
             return (0.0, 0.0);
         }
-        let factor = match factor {
-            Factor::One => 1.0,
-            Factor::Root => (self.raised / self.overlap_m).sqrt(),
-            Factor::Ratio => self.raised / self.overlap_m,
-        };
+        let factor = factor.at(self.raised, self.overlap_m);
         let force_n = self.elastic_n + self.coefficient * factor * self.rate_m_s;
         let force_n = if is_bonded || force_n > 0.0 { force_n } else { 0.0 };
         (force_n, (force_n - self.elastic_n) * self.rate_m_s)
@@ -273,7 +248,7 @@ impl PowerUser for Raised<'_> {
 mod tests {
     use super::*;
     use schemas::chain::{Wall, Walls};
-    use schemas::damping::Restitution;
+    use schemas::damping::{Damping, Restitution};
 
     /// Force and dissipated power of two beads between walls, k = 4, α = 3, η = 2, at rest overlaps of ½ (force ½).
     fn forces_and_power(kind: Damping, v_m_s: &[f64]) -> (Vec<f64>, Vec<f64>) {

@@ -1,12 +1,9 @@
 //! Says in plain words what is wrong with a TOML text, instead of the parser's.
 
-use super::{ConfigError, line_at};
+use crate::config_error::{ConfigError, EXAMPLE, line_at};
 use crate::spelling::did_you_mean;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
-
-/// Where a whole configuration is to be seen.
-pub(super) const EXAMPLE: &str = "`beadline preset light-impurity` prints a whole configuration";
 
 /// What stands behind keys of which one form has to be chosen.
 const CHOICES: [(&str, &str); 9] = [

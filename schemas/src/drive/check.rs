@@ -1,7 +1,7 @@
 //! Waveforms that no run can have.
 
 use super::{Table, Waveform};
-use crate::config::ConfigError;
+use crate::config_error::ConfigError;
 
 /// Room for squares and products of what a waveform is made of.
 const LARGEST: f64 = 1e100;

@@ -1,13 +1,16 @@
 //! What decides the bits of a run.
 
 mod arrays;
-mod beyond;
 mod check;
-mod check_beyond;
 mod disorder;
+mod drives;
+mod ends;
 mod initial;
 mod kernel;
 mod particulars;
+mod sites;
+mod spheres;
+mod terms;
 mod time_step;
 
 pub use disorder::Ranges;
@@ -118,36 +121,27 @@ impl Physics {
     /// With the key, the value and what is allowed.
     pub fn resolve(config: &RunConfig) -> Result<Self, ConfigError> {
         let chain = &config.chain;
-        let mut physics = Self {
+        /// Keys that are the same in a manifest, and the others with their values.
+        macro_rules! physics {
+            (config: $($key:ident)+; chain: $($of_chain:ident)+; $($name:ident: $value:expr),+) => {
+                Self {
+                    $($key: config.$key.clone(),)+
+                    $($of_chain: chain.$of_chain.clone(),)+
+                    $($name: $value),+
+                }
+            };
+        }
+        let mut physics = physics! {
+            config: seed disorder ends load on_site resonators initial;
+            chain: beads bead_mass_kg alpha stiffness masses stiffnesses impurities contacts spheres odd_spheres alphas second gaps_m bonds;
             kernel_version: KERNEL_VERSION,
-            beads: chain.beads,
-            bead_mass_kg: chain.bead_mass_kg,
-            alpha: chain.alpha,
-            stiffness: chain.stiffness,
-            masses: chain.masses.clone(),
-            stiffnesses: chain.stiffnesses.clone(),
-            impurities: chain.impurities.clone(),
-            contacts: chain.contacts.clone(),
-            ends: config.ends,
-            load: config.load,
             damping: config.damping.map(Damping::resolve).transpose()?,
             striker: without_sign(*config.striker),
             strikers: config.striker.more.iter().copied().map(without_sign).collect(),
-            seed: config.seed,
-            disorder: config.disorder.clone(),
-            spheres: chain.spheres.clone(),
-            odd_spheres: chain.odd_spheres.clone(),
-            alphas: chain.alphas.clone(),
-            second: chain.second.clone(),
-            gaps_m: chain.gaps_m.clone(),
-            bonds: chain.bonds.clone(),
-            on_site: config.on_site.clone(),
-            resonators: config.resonators.clone(),
-            initial: config.initial.clone(),
             drives: config.drive.clone(),
             method: config.integrator.method,
             dt_s: 0.0,
-            step_count: 0,
+            step_count: 0
         };
         physics.impurities.sort_by_key(|impurity| impurity.bead);
         physics.contacts.sort_by_key(|odd| odd.contact);
@@ -189,13 +183,13 @@ impl Physics {
         }
     }
 
-    /// All that it has and that not every method takes.
+    /// The features of the run that not every method takes.
     pub(crate) fn features(&self) -> Vec<Feature> {
         let on_site = &self.on_site;
         let all = [
             (Feature::Damping, self.damping.is_some()),
             (Feature::Drag, self.has_drag()),
-            (Feature::OtherLaws, self.is_beyond_one_power()),
+            (Feature::OtherLaws, self.has_other_laws()),
             (Feature::OnSite, on_site.linear_n_per_m.is_some() || on_site.cubic_n_per_m3.is_some()),
             (Feature::Resonators, self.resonators.is_some()),
             (Feature::Ring, self.ends.left == End::Periodic),
@@ -204,11 +198,11 @@ impl Physics {
         all.into_iter().filter(|(_, is_there)| *is_there).map(|(feature, _)| feature).collect()
     }
 
-    /// What its method took once and takes no more: the dashpots and restitution of `gear5`. Recordings of such runs are read; nothing
-    /// of them is computed.
+    /// The feature that its method took once and takes no more: `gear5` had dashpots and restitution. Recordings of such runs are read;
+    /// none of their steps are computed.
     pub fn retired(&self) -> Option<Feature> {
-        let was_taken = matches!(self.damping, Some(Damping::ViscousNSPerM(_) | Damping::Restitution(_)));
-        (self.method == Method::Gear5 && was_taken).then_some(Feature::Damping)
+        let was_taken = self.damping.is_some_and(|damping| !damping.is_since_1_1());
+        self.method.took().filter(|feature| *feature == Feature::Damping && was_taken)
     }
 
     /// Whether a drag acts on a bead.

@@ -1,13 +1,14 @@
 //! What presets beyond one struck bead change: drives, laws, initial states, disorder, ends.
 
 use crate::config::{
-    Bonds, DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig,
-    Sphere, Spheres, StrikerConfig, Thermal, Toda,
+    DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig, Sphere,
+    Spheres, StrikerConfig, Thermal,
 };
 use crate::drive::{Drive, Place, Quantity, Side, Sine, Waveform};
 use crate::functions::{exp, ln};
 use crate::material::Material;
 use crate::method::Method;
+use crate::term::{Spring, TermLaw, Toda};
 
 /// Nothing strikes; the left wall is shaken by a sine of that amplitude (m) and frequency (Hz) that grows over ten periods.
 fn shaken(config: &mut RunConfig, amplitude: f64, frequency_hz: f64) {
@@ -41,9 +42,9 @@ fn sparse(config: &mut RunConfig, steps: u64) {
 }
 
 /// Masses of 1 kg on springs of 1 N/m and what else is said of them: the units of theory.
-fn bonded(config: &mut RunConfig, bonds: Bonds) {
+fn bonded(config: &mut RunConfig, laws: &[(TermLaw, f64)]) {
     still(config);
-    config.chain.bonds = Some(bonds);
+    config.chain.bonds = Some(laws.iter().cloned().collect());
     (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
 }
 
@@ -65,10 +66,7 @@ pub(super) fn steel_spheres(config: &mut RunConfig) {
 }
 
 pub(super) fn fput_alpha(config: &mut RunConfig) {
-    bonded(
-        config,
-        Bonds { linear: Some(Profile::Same(1.0)), quadratic: Some(Profile::Same(0.25)), ..Bonds::default() },
-    );
+    bonded(config, &[(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(Spring(2)), 0.25)]);
     (config.ends.left, config.ends.right) = (End::Fixed, End::Fixed);
     config.initial.mode = Some(ModeShape { number: 1, displacement_m: 1.0, velocity_m_s: 0.0 });
     config.time.dt_s = Some(0.1);
@@ -89,7 +87,7 @@ pub(super) fn disordered(config: &mut RunConfig) {
         two_valued: None,
         permuted: false,
     }];
-    config.chain.bonds = Some(Bonds { linear: Some(Profile::Same(1e5)), ..Bonds::default() });
+    config.chain.bonds = Some([(TermLaw::Spring(Spring(1)), 1e5)].into_iter().collect());
     (config.chain.alpha, config.chain.stiffness) = (1.0, 1e5);
     config.striker = StrikerConfig { bead: 200, velocity_m_s: 1.0 }.into();
     sparse(config, 10);
@@ -124,8 +122,7 @@ pub(super) fn resonators(config: &mut RunConfig) {
 
 /// `u = ln(cosh(x − κ)/cosh x) + κ` and `v = sinh κ·(tanh x − tanh(x − κ))` with `x = κ·(i − 50)` and κ = 1.
 pub(super) fn toda(config: &mut RunConfig) {
-    let toda = Toda { stiffness: Profile::Same(1.0), steepness_per_m: 1.0 };
-    bonded(config, Bonds { toda: Some(toda), ..Bonds::default() });
+    bonded(config, &[(TermLaw::Toda(Toda(1.0)), 1.0)]);
     let x = |bead: u32| f64::from(bead) - 50.0;
     // ln cosh x without overflow
     let ln_cosh = |x: f64| x.abs() + ln(0.5 * (1.0 + exp(-2.0 * x.abs())));
@@ -146,10 +143,7 @@ pub(super) fn piston(config: &mut RunConfig) {
 }
 
 pub(super) fn thermal(config: &mut RunConfig) {
-    bonded(
-        config,
-        Bonds { linear: Some(Profile::Same(1.0)), cubic: Some(Profile::Same(0.1)), ..Bonds::default() },
-    );
+    bonded(config, &[(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(Spring(3)), 0.1)]);
     config.seed = 1;
     (config.ends.left, config.ends.right) = (End::Periodic, End::Periodic);
     config.initial.thermal = Some(Thermal { temperature_k: None, energy_j: Some(0.1) });

@@ -2,12 +2,13 @@
 
 use super::{Kind, Random};
 use schemas::config::{
-    Bonds, Disorder, Disordered, End, Gaussian, MassRule, ModeShape, OnSite, Profile, Resonators, RunConfig,
-    SecondPower, Sphere, Spheres, StiffnessRule, StrikerConfig, Thermal, Toda,
+    Disorder, Disordered, End, Gaussian, MassRule, ModeShape, OnSite, Profile, Resonators, RunConfig,
+    SecondPower, Sphere, Spheres, StiffnessRule, StrikerConfig, Thermal,
 };
 use schemas::drive::{self, Drive, Interpolation, Place, Quantity, Side, Sine, Step, Table, Waveform};
 use schemas::material::Material;
 use schemas::method::Method;
+use schemas::term::{Spring, TermLaw, Toda};
 
 /// Makes the chain `config`, whose collisions have the length `length_m` and take `time_s`, one of `kind`. Small chains are as likely as large ones.
 pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64, time_s: f64) {
@@ -139,20 +140,15 @@ fn bonds(random: &mut Random, config: &mut RunConfig, kind: Kind) {
     (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
     let speed_m_s = random.ratio(0.01, 2.0);
     config.striker = StrikerConfig { bead: config.striker.bead, velocity_m_s: speed_m_s }.into();
-    let same = |value: f64| Some(Profile::Same(value));
-    config.chain.bonds = Some(if kind == Kind::Toda {
-        let steepness_per_m = random.ratio(0.1, 50.0);
-        Bonds { toda: Some(Toda { stiffness: Profile::Same(1.0), steepness_per_m }), ..Bonds::default() }
+    let spring = |n: u8, stiffness: f64| (TermLaw::Spring(Spring(n)), stiffness);
+    let laws = if kind == Kind::Toda {
+        vec![(TermLaw::Toda(Toda(random.ratio(0.1, 50.0))), 1.0)]
     } else if random.happens(0.5) {
-        Bonds { linear: same(1.0), cubic: same(random.ratio(0.01, 10.0)), ..Bonds::default() }
+        vec![spring(1, 1.0), spring(3, random.ratio(0.01, 10.0))]
     } else {
-        Bonds {
-            linear: same(1.0),
-            quadratic: same(0.25 / speed_m_s),
-            cubic: same(0.1 / (speed_m_s * speed_m_s)),
-            ..Bonds::default()
-        }
-    });
+        vec![spring(1, 1.0), spring(2, 0.25 / speed_m_s), spring(3, 0.1 / (speed_m_s * speed_m_s))]
+    };
+    config.chain.bonds = Some(laws.into_iter().collect());
     if random.happens(0.2) {
         config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
         let energy_j = Some(random.ratio(0.01, 0.3));

@@ -221,7 +221,7 @@ impl Physics {
         if self.load.is_none() {
             return 0.0;
         }
-        if self.is_beyond_one_power() {
+        if self.has_other_laws() {
             let rest_overlap_m = self.contacts_at_rest().rest_overlap_m;
             return rest_overlap_m.iter().fold(0.0, |most, rest_m| larger(most, *rest_m));
         }

@@ -34,7 +34,6 @@ impl Physics {
     /// The first thing of the run, by its key, that manifests of version 1.0 do not have.
     pub(in crate::manifest) fn key_since_1_1(&self) -> Option<&'static str> {
         let newer_end = |end: End| matches!(end, End::Periodic | End::Absorbing);
-        let newer_damping = matches!(self.damping, Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)));
         [
             ("strikers", !self.strikers.is_empty()),
             ("seed", self.seed != 0),
@@ -50,7 +49,7 @@ impl Physics {
             ("initial", !self.initial.is_none()),
             ("drives", !self.drives.is_empty()),
             ("ends", newer_end(self.ends.left) || newer_end(self.ends.right)),
-            ("damping", newer_damping),
+            ("damping", self.damping.as_ref().is_some_and(Damping::is_since_1_1)),
             ("method", self.method.is_since_1_1()),
         ]
         .into_iter()
@@ -109,7 +108,13 @@ impl Physics {
             };
             self.check_bead(&key, striker.bead)?;
         }
-        self.check_beyond()?;
+        self.check_spheres()?;
+        self.check_disorder()?;
+        self.check_laws()?;
+        self.check_ends()?;
+        self.check_sites()?;
+        self.check_initial()?;
+        self.check_drives()?;
         self.check_load()?;
         self.damping.iter().try_for_each(Damping::check)?;
         self.check_velocity()
@@ -382,9 +387,17 @@ fn check_list(key: &str, list: &[f64], count: u64, what: &str, unit: &str) -> Re
     list.iter().try_for_each(|value| check_positive(key, *value, unit))
 }
 
+pub(super) fn is_positive(value: f64) -> bool {
+    (1e-100..=1e100).contains(&value)
+}
+
+pub(super) fn is_0_or_more(value: f64) -> bool {
+    value == 0.0 || is_positive(value)
+}
+
 /// Positive, and far enough from the ends of the range that no product of scales leaves it.
 pub(super) fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
-    if (1e-100..=1e100).contains(&value) {
+    if is_positive(value) {
         return Ok(());
     }
     Err(ConfigError::number(key, value, &format!("a positive number of {unit}, 1e-100 to 1e100")))

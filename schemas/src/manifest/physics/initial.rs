@@ -1,11 +1,13 @@
-//! The state at step 0.
+//! The state at step 0: what may be asked for, and what it makes.
 
 use super::arrays::larger;
+use super::check::check_positive;
 use super::{Physics, usize_of};
-use crate::config::{Gaussian, ModeShape, PlaneWave, Thermal};
+use crate::config::{ConfigError, Gaussian, ModeShape, PlaneWave, Thermal};
 use crate::drive::{Drive, Place, Quantity};
 use crate::functions::{Moment, exp, sine_cosine, two_product, two_sum};
 use crate::random::normal;
+use std::collections::BTreeSet;
 
 /// Boltzmann's constant (J/K), exact in the SI of 2019.
 const BOLTZMANN_J_K: f64 = 1.380_649e-23;
@@ -14,6 +16,93 @@ const BOLTZMANN_J_K: f64 = 1.380_649e-23;
 const THERMAL: u32 = u32::MAX;
 
 impl Physics {
+    pub(super) fn check_initial(&self) -> Result<(), ConfigError> {
+        let mut struck = BTreeSet::new();
+        for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {
+            if !struck.insert(striker.bead) {
+                let key = format!("striker[{i}].bead");
+                return Err(ConfigError::value(&key, striker.bead, "each bead once"));
+            }
+        }
+        let initial = &self.initial;
+        if !initial.solitary.is_empty() {
+            let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
+            return Err(ConfigError::value("initial.solitary", "a wave", allowed));
+        }
+        let lists =
+            [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
+        for (name, list) in lists {
+            let key = format!("initial.{name}");
+            if !list.is_empty() && list.len() as u64 != self.beads {
+                let allowed = format!("{} values, one for each bead", self.beads);
+                return Err(ConfigError::value(&key, format!("{} values", list.len()), &allowed));
+            }
+            if let Some(wrong) = list.iter().find(|value| value.is_nan() || value.abs() > 1e100) {
+                return Err(ConfigError::number(&key, *wrong, "numbers up to 1e100"));
+            }
+        }
+        let shapes = initial.gaussian.iter().flat_map(|bell| {
+            let Gaussian { bead, displacement_m, velocity_m_s, width_beads: _ } = *bell;
+            [
+                ("gaussian.bead", bead),
+                ("gaussian.displacement_m", displacement_m),
+                ("gaussian.velocity_m_s", velocity_m_s),
+            ]
+        });
+        let shapes = shapes.chain(initial.plane_wave.iter().flat_map(|wave| {
+            let PlaneWave { cycles, displacement_m, velocity_m_s, phase_rad } = *wave;
+            [
+                ("plane_wave.cycles", cycles),
+                ("plane_wave.displacement_m", displacement_m),
+                ("plane_wave.velocity_m_s", velocity_m_s),
+                ("plane_wave.phase_rad", phase_rad),
+            ]
+        }));
+        let shapes = shapes.chain(initial.mode.iter().flat_map(|mode| {
+            [("mode.displacement_m", mode.displacement_m), ("mode.velocity_m_s", mode.velocity_m_s)]
+        }));
+        for (name, found) in shapes {
+            if found.is_nan() || found.abs() > 1e100 {
+                return Err(ConfigError::number(
+                    &format!("initial.{name}"),
+                    found,
+                    "a number of at most 1e100 in size",
+                ));
+            }
+        }
+        if let Some(bell) = initial.gaussian {
+            check_positive("initial.gaussian.width_beads", bell.width_beads, "beads")?;
+        }
+        if let Some(mode) = initial.mode
+            && !(1..=self.beads).contains(&mode.number)
+        {
+            let allowed = format!("modes 1 to {}", self.beads);
+            return Err(ConfigError::value("initial.mode.number", mode.number, &allowed));
+        }
+        if let Some(thermal) = initial.thermal {
+            let key = "initial.thermal";
+            match (thermal.temperature_k, thermal.energy_j) {
+                (Some(temperature), None) => {
+                    check_positive("initial.thermal.temperature_k", temperature, "K")?;
+                }
+                (None, Some(energy)) => {
+                    check_positive("initial.thermal.energy_j", energy, "J")?;
+                }
+                (temperature, _) => {
+                    let found = if temperature.is_some() { "both" } else { "neither" };
+                    return Err(ConfigError::value(key, found, "one of temperature_k and energy_j"));
+                }
+            }
+        }
+        if let Some(from) = &initial.from
+            && initial.displacements_m.is_empty()
+        {
+            let allowed = "the lists of that state beside it: `run` and `sweep` read it";
+            return Err(ConfigError::value("initial.from.recording", &from.recording, allowed));
+        }
+        Ok(())
+    }
+
     /// Displacements (m) and velocities (m/s) at step 0, N values each.
     pub fn initial_state(&self) -> (Vec<f64>, Vec<f64>) {
         let beads = usize_of(self.beads);

@@ -1,7 +1,7 @@
 //! Which version of the dynamics a run needs.
 
 use super::Physics;
-use crate::config::{Disordered, End, Profile, StiffnessRule};
+use crate::config::{Bonds, Disordered, End, Profile, StiffnessRule};
 
 impl Physics {
     /// The first version of the dynamics that gives the bits of this run as it is asked for today.
@@ -23,13 +23,10 @@ impl Physics {
 
     /// True if it is a ring whose contacts a rule tells apart.
     fn has_closing_rule(&self) -> bool {
-        let is_even = |profile: &Option<Profile>| matches!(profile, None | Some(Profile::Same(_)));
-        let bonds_are_even = self.bonds.as_ref().is_none_or(|bonds| {
-            let toda = bonds.toda.as_ref().is_none_or(|toda| matches!(toda.stiffness, Profile::Same(_)));
-            toda && [&bonds.linear, &bonds.quadratic, &bonds.cubic].into_iter().all(is_even)
-        });
-        let second_is_even =
-            self.second.as_ref().is_none_or(|second| matches!(second.stiffness, Profile::Same(_)));
+        let is_even = |profile: &Profile| matches!(profile, Profile::Same(_));
+        let mut bonds = self.bonds.iter().flat_map(Bonds::laws);
+        let bonds_are_even = bonds.all(|bond| is_even(&bond.stiffness));
+        let second_is_even = self.second.as_ref().is_none_or(|second| is_even(&second.stiffness));
         let contacts_are_even = self.stiffnesses.is_uniform()
             && self.contacts.is_empty()
             && self.alphas.is_none()

@@ -46,20 +46,13 @@ impl Physics {
         phrases.extend(
             (load.precompression_n != 0.0).then(|| format!("pressed by {} N", load.precompression_n)),
         );
-        phrases.extend(self.damping.map(|damping| match damping {
-            Damping::ViscousNSPerM(coefficient) => format!("dashpots of {coefficient} N·s/m"),
-            Damping::Restitution(restitution) => {
-                format!("coefficient of restitution {}", restitution.coefficient)
-            }
-            Damping::KuwabaraKonoS(time_s) => format!("viscoelastic spheres, A = {time_s:e} s"),
-            Damping::Power(power) => format!("damping {}·δ^{}·dδ/dt", power.coefficient, power.exponent),
-        }));
-        self.beyond_in_words(&mut phrases);
+        phrases.extend(self.damping.iter().map(Damping::words));
+        self.additions_in_words(&mut phrases);
         phrases
     }
 
-    /// What goes beyond one struck bead and one power law.
-    fn beyond_in_words(&self, phrases: &mut Vec<String>) {
+    /// The phrases of what is added to one struck bead and one power law.
+    fn additions_in_words(&self, phrases: &mut Vec<String>) {
         if let Some(spheres) = &self.spheres {
             let mut words: Vec<_> = spheres.0.iter().take(SHOWN).map(sphere_in_words).collect();
             words.extend(
@@ -77,14 +70,7 @@ impl Physics {
         phrases.extend(self.second.as_ref().map(|second| format!("a second power, α = {}", second.alpha)));
         phrases.extend(self.gaps_m.as_ref().map(|_| "gaps".to_owned()));
         if let Some(bonds) = &self.bonds {
-            let kinds = [
-                (bonds.linear.is_some(), "linear"),
-                (bonds.quadratic.is_some(), "quadratic (FPUT-α)"),
-                (bonds.cubic.is_some(), "cubic (FPUT-β)"),
-                (bonds.toda.is_some(), "Toda"),
-            ];
-            let kinds: Vec<&str> =
-                kinds.iter().filter(|(is_there, _)| *is_there).map(|(_, name)| *name).collect();
+            let kinds: Vec<&str> = bonds.laws().map(|bond| bond.form.words).collect();
             phrases.push(format!("bonds: {}", kinds.join(", ")));
         }
         for disorder in &self.disorder {

@@ -8,7 +8,6 @@ use crate::config::{ConfigError, End, TimeConfig};
 use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
 use crate::power::power;
-use crate::term::TermLaw;
 pub use limits::Limit;
 
 /// The step that one part of a chain allows.
@@ -118,11 +117,8 @@ impl Physics {
             for (usual_s, ..) in &mut by {
                 *usual_s *= 0.25;
             }
-            let usual_s = match damping {
-                Damping::ViscousNSPerM(_) => 0.4 * fraction * settling_s,
-                Damping::Restitution(_) => fraction * settling_s,
-                Damping::KuwabaraKonoS(_) | Damping::Power(_) => f64::INFINITY,
-            };
+            let usual_s =
+                damping.settling_fraction().map_or(f64::INFINITY, |part| part * fraction * settling_s);
             by.push((usual_s, settling_s, Limit::Damping));
         }
         let stiff = stiff_fraction(law.alpha);
@@ -151,7 +147,7 @@ impl Physics {
         let is_even = self.masses.is_uniform() && self.stiffnesses.is_uniform() && self.contacts.is_empty();
         let is_even = is_even && self.disorder.is_empty() && self.odd_spheres.is_empty();
         let is_even = is_even && self.spheres.as_ref().is_none_or(|spheres| spheres.0.len() == 1);
-        let is_plain = !self.is_beyond_one_power() && self.gaps_m.is_none() && self.resonators.is_none();
+        let is_plain = !self.has_other_laws() && self.gaps_m.is_none() && self.resonators.is_none();
         let is_struck = self.initial.is_none() && self.drives.is_empty();
         is_even
             && is_plain
@@ -185,7 +181,7 @@ impl Physics {
 
     /// The laws of the contacts. Where there is one only, this takes no array.
     fn laws(&self) -> Vec<OneLaw> {
-        if !self.is_beyond_one_power() {
+        if !self.has_other_laws() {
             return vec![OneLaw { alpha: self.alpha, stiffest: self.extremes().stiffest }];
         }
         let chain = self.chain();
@@ -194,9 +190,8 @@ impl Physics {
             alpha,
             stiffest: stiffness.iter().chain(&walls).copied().fold(0.0, larger),
         };
-        let further = chain.terms.iter().filter_map(|term| match &term.law {
-            TermLaw::Power(law) => Some(of(law.alpha(), &term.stiffness, term.wall_stiffness)),
-            TermLaw::Spring(_) | TermLaw::Toda(_) => None,
+        let further = chain.terms.iter().filter_map(|term| {
+            term.law.exponent().map(|alpha| of(alpha, &term.stiffness, term.wall_stiffness))
         });
         let all = std::iter::once(of(chain.law.alpha(), &chain.stiffness, walls)).chain(further);
         all.filter(|law| law.stiffest > 0.0).collect()

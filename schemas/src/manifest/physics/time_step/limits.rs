@@ -4,7 +4,6 @@ use super::{Physics, larger, smaller};
 use crate::chain::Chain;
 use crate::manifest::physics::usize_of;
 use crate::power::power;
-use crate::term::TermLaw;
 
 /// The part of a chain that decides a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +81,7 @@ impl Physics {
     pub(super) fn fastest_linear(&self) -> Option<(f64, Limit)> {
         let sites = self.sites();
         let is_softened = self.initial.is_none() && self.drives.is_empty();
-        if !self.is_beyond_one_power() && sites.is_none() && is_softened {
+        if !self.has_other_laws() && sites.is_none() && is_softened {
             return None;
         }
         let chain = self.chain();
@@ -176,12 +175,9 @@ impl Physics {
             chain.terms.iter().fold(by_law, |sum, term| {
                 let stiffness = term.stiffness[c];
                 let tangent = term.law.tangent(stiffness, overlap_m);
-                sum + match (&term.law, energy_j) {
-                    (TermLaw::Toda(b), Some(energy_j)) => {
-                        smaller(tangent, toda_tangent(term.law.tangent(stiffness, rest_m), *b, energy_j))
-                    }
-                    _ => tangent,
-                }
+                let at_rest = term.law.tangent(stiffness, rest_m);
+                let by_energy = energy_j.and_then(|energy_j| term.law.tangent_by_energy(at_rest, energy_j));
+                sum + by_energy.map_or(tangent, |most| smaller(tangent, most))
             })
         };
         (0..chain.contact_count()).map(&mut at).collect()
@@ -197,37 +193,19 @@ impl Physics {
             let ratio = (stiffness > 0.0).then(|| self.striker_ratio(stiffness)).flatten();
             ratio.map(|ratio| power(ratio, 1.0 / (alpha + 1.0)))
         };
-        let further = chain.terms.iter().map(|term| match &term.law {
-            TermLaw::Power(law) => of(term.stiffness[c], law.alpha()),
-            TermLaw::Spring(_) | TermLaw::Toda(_) => None,
-        });
+        let further =
+            chain.terms.iter().map(|term| term.law.exponent().and_then(|alpha| of(term.stiffness[c], alpha)));
         further.chain([of(chain.stiffness[c], chain.law.alpha())]).flatten().reduce(smaller)
     }
 
-    /// The energy (J) that one bond may have at most: that of the whole chain, where it is Toda's bonds that take up what nothing
-    /// drives. No other term then has a negative one.
+    /// The energy (J) that one bond may have at most: that of the whole chain, where nothing drives it and no term has a negative energy.
     fn energy_for_bonds_j(&self) -> Option<f64> {
         let bonds = self.bonds.as_ref()?;
-        let is_closed = self.drives.is_empty() && bonds.quadratic.is_none();
-        (bonds.toda.is_some() && is_closed).then(|| self.initial_energy().total_j())
+        let counts = bonds.laws().any(|bond| bond.law.tangent_by_energy(1.0, 1.0).is_some());
+        let is_closed = self.drives.is_empty() && bonds.laws().all(|bond| bond.form.holds);
+        (counts && is_closed).then(|| self.initial_energy().total_j())
     }
 }
-
-/// The slope (N/m) that a bond of Toda with steepness `b` (1/m) and the slope `at_rest` (N/m) has where its energy is `energy_j`, or a
-/// little more.
-///
-/// With `x = b·a` for the approach `a`, and `e = energy·b²/at_rest`, `exp(x) − 1 − x = e`, so that `x ≤ √(2·e)` and
-/// `exp(x) ≤ 1 + e + √(2·e)`: it grows with the energy, not with the exponential of a speed.
-fn toda_tangent(at_rest: f64, b: f64, energy_j: f64) -> f64 {
-    if at_rest == 0.0 {
-        return 0.0;
-    }
-    let e = SPARE_ENERGY * energy_j * (b * b) / at_rest;
-    at_rest * (1.0 + e + (2.0 * e).sqrt())
-}
-
-/// The step is that of a multiple of the energy: where a bond is as hard as a wall, the step in which it turns a bead back counts.
-const SPARE_ENERGY: f64 = 4.0;
 
 /// True if two contacts have the same stiffnesses and rest overlap.
 fn is_alike(chain: &Chain, a: usize, b: usize) -> bool {

@@ -1,0 +1,87 @@
+//! Two-sided springs: `F = k·δ^n`, also where δ < 0.
+
+use super::{BondForm, Contacts, Law, TermLaw, each};
+
+/// `F = k·δ^n` with n = 1, 2 or 3, k in N·m^−n.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spring(pub u8);
+
+impl Law for Spring {
+    fn forms() -> &'static [BondForm] {
+        const {
+            &[
+                BondForm {
+                    key: "linear",
+                    words: "linear",
+                    parameter: None,
+                    has_either_sign: false,
+                    allowed: "stiffnesses of 0 or more",
+                    is_slope: true,
+                    holds: true,
+                    law: |_| TermLaw::Spring(Spring(1)),
+                },
+                BondForm {
+                    key: "quadratic",
+                    words: "quadratic (FPUT-α)",
+                    parameter: None,
+                    has_either_sign: true,
+                    allowed: "numbers up to 1e100",
+                    is_slope: false,
+                    holds: false,
+                    law: |_| TermLaw::Spring(Spring(2)),
+                },
+                BondForm {
+                    key: "cubic",
+                    words: "cubic (FPUT-β)",
+                    parameter: None,
+                    has_either_sign: false,
+                    allowed: "0 or more: else the bond would break away",
+                    is_slope: false,
+                    holds: true,
+                    law: |_| TermLaw::Spring(Spring(3)),
+                },
+            ]
+        }
+    }
+
+    fn named(&self) -> (&'static str, f64) {
+        ("spring", f64::from(self.0))
+    }
+
+    #[inline(always)]
+    fn force(&self, stiffness: f64, overlap_m: f64) -> f64 {
+        match self.0 {
+            1 => stiffness * overlap_m,
+            2 => stiffness * (overlap_m * overlap_m),
+            _ => stiffness * (overlap_m * overlap_m * overlap_m),
+        }
+    }
+
+    #[inline(always)]
+    fn tangent(&self, stiffness: f64, overlap_m: f64) -> f64 {
+        match self.0 {
+            1 => stiffness,
+            2 => 2.0 * stiffness * overlap_m,
+            _ => 3.0 * stiffness * (overlap_m * overlap_m),
+        }
+    }
+
+    fn excess_j(&self, stiffness: f64, rest_m: f64, approach_m: f64, _: bool) -> f64 {
+        let a = approach_m;
+        match self.0 {
+            1 => 0.5 * stiffness * (a * a),
+            2 => stiffness * (a * a) * (rest_m + a / 3.0),
+            _ => stiffness * (a * a) * ((1.5 * (rest_m * rest_m) + rest_m * a) + 0.25 * (a * a)),
+        }
+    }
+
+    #[inline(always)]
+    fn forces_of(&self, contacts: Contacts<'_>, force_n: &mut [f64]) {
+        each(
+            contacts,
+            force_n,
+            #[inline(always)]
+            |stiffness, overlap_m| self.force(stiffness, overlap_m),
+        );
+    }
+}
