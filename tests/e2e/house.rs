@@ -51,9 +51,7 @@ fn crates_use_what_the_architecture_says() {
     only("prost", &["beadline-recording"]);
     only("clap", &["beadline", "beadline-bench"]);
     only("indicatif", &["beadline"]);
-    for server in ["axum", "hyper"] {
-        only(server, &["beadline-page"]);
-    }
+    only("hyper", &["beadline-page"]);
     only("tokio", &["beadline-page", "beadline-storage"]);
     only("object_store", &["beadline-storage"]);
     only("realfft", &["beadline-waves"]);
