@@ -3,23 +3,25 @@
 //! Architecture invariants: whoever does not know the token gets 404 and nothing else, and so does who names another host
 //! or comes from another page; no path of a file comes from an address; requests have no body that is read.
 
+mod body;
 mod file;
 mod guard;
 pub(crate) mod live;
 mod rooms;
+mod socket;
 mod works;
 
 use crate::carried::{Carried, page, policy};
-use axum::body::{Body, Bytes};
-use axum::extract::{FromRequestParts, WebSocketUpgrade};
-use axum::http::{HeaderName, HeaderValue, Request, Response, StatusCode, header, request::Parts};
-use axum::response::IntoResponse;
+use body::Body;
 use guard::Guard;
+use hyper::body::Bytes;
+use hyper::http::{HeaderName, HeaderValue, Request, Response, StatusCode, header, request::Parts};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use live::LiveFeed;
 use rooms::{Guest, Line, Room, Rooms};
+use socket::Socket;
 use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
@@ -211,17 +213,19 @@ impl Desk {
                 file::answer(file, &parts)
             }
             ("live", Some(id)) => {
-                let upgrade = WebSocketUpgrade::from_request_parts(&mut parts, &()).await.ok()?;
+                let (response, follows) = socket::upgrade(&mut parts)?;
                 let feed = blocking(move || shelf.live(&id)).await??;
-                let upgrade = upgrade.max_message_size(live::MAX_MESSAGE_BYTES).write_buffer_size(0);
                 let guest = Arc::clone(guest);
                 guest.goes_to(Room::Viewers);
-                Some(upgrade.on_upgrade(async move |socket| {
+                tokio::spawn(async move {
+                    // a client that breaks off is no news
+                    let Ok(upgraded) = follows.await else { return };
                     tokio::select! {
-                        () = live::show(socket, feed) => {}
+                        () = live::show(Socket::new(upgraded), feed) => {}
                         () = guest.dismissed() => {}
                     }
-                }))
+                });
+                Some(response)
             }
             _ => None,
         }
@@ -234,11 +238,15 @@ async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) 
 }
 
 fn not_found() -> Response<Body> {
-    StatusCode::NOT_FOUND.into_response()
+    let mut response = Response::new(Body::empty());
+    *response.status_mut() = StatusCode::NOT_FOUND;
+    response
 }
 
 fn with_type(media_type: &'static str, body: impl Into<Bytes>) -> Response<Body> {
-    ([(header::CONTENT_TYPE, media_type)], body.into()).into_response()
+    let mut response = Response::new(Body::Whole(body.into()));
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+    response
 }
 
 /// JSON, or what went wrong as JSON.
@@ -248,7 +256,9 @@ fn json(served: Result<String, String>) -> Option<Response<Body>> {
         Ok(text) => with_type("application/json", text),
         Err(error) => {
             let text = serde_json::json!({ "error": error }).to_string();
-            (StatusCode::INTERNAL_SERVER_ERROR, with_type("application/json", text)).into_response()
+            let mut response = with_type("application/json", text);
+            *response.status_mut() = StatusCode::INTERNAL_SERVER_ERROR;
+            response
         }
     })
 }

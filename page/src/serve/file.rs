@@ -1,9 +1,9 @@
 //! A recording, whole or a range of it, in pieces.
 
 use super::blocking;
-use axum::body::{Body, Bytes};
-use axum::http::{HeaderValue, Method, Response, StatusCode, header, request::Parts};
-use hyper::body::{Body as HttpBody, Frame, SizeHint};
+use super::body::Body;
+use hyper::body::{Bytes, Frame};
+use hyper::http::{HeaderValue, Method, Response, StatusCode, header, request::Parts};
 use std::future::Future;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
@@ -52,7 +52,7 @@ pub(super) fn answer(mut file: Reader, parts: &Parts) -> Option<Response<Body>> 
     if parts.method != Method::HEAD {
         file.expect(range.clone(), false);
         let file = Arc::new(Mutex::new(file));
-        *response.body_mut() = Body::new(Pieces { file, left: range, reading: None });
+        *response.body_mut() = Body::Pieces(Pieces { file, left: range, reading: None });
     }
     Some(response)
 }
@@ -78,18 +78,21 @@ fn range(asked: &str, size: u64) -> Option<Range<u64>> {
 type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;
 
 /// The rest of a range, read piece by piece as the client takes it.
-struct Pieces {
+pub(super) struct Pieces {
     file: Arc<Mutex<Reader>>,
     left: Range<u64>,
     reading: Option<Reading>,
 }
 
-impl HttpBody for Pieces {
-    type Data = Bytes;
-    type Error = io::Error;
+impl Pieces {
+    /// Bytes that are still to come.
+    pub(super) fn left(&self) -> u64 {
+        self.left.end - self.left.start
+    }
 
-    fn poll_frame(
-        mut self: Pin<&mut Self>,
+    /// The next piece.
+    pub(super) fn poll_next(
+        &mut self,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, io::Error>>> {
         if self.left.is_empty() {
@@ -108,10 +111,6 @@ impl HttpBody for Pieces {
                 Poll::Ready(read.map(|read| read.map(Frame::data)))
             }
         }
-    }
-
-    fn size_hint(&self) -> SizeHint {
-        SizeHint::with_exact(self.left.end - self.left.start)
     }
 }
 

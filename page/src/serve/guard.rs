@@ -1,7 +1,7 @@
 //! Guard of the server: a request must have the token, name this server, and come from no other page.
 
-use axum::http::header::{self, HeaderName};
-use axum::http::{Method, request::Parts};
+use hyper::http::header::{self, HeaderName};
+use hyper::http::{Method, request::Parts};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::net::SocketAddr;
@@ -77,7 +77,7 @@ fn is_same_text(one: &str, other: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use axum::http::Request;
+    use hyper::http::Request;
 
     #[test]
     fn strangers_are_not_admitted() {

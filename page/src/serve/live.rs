@@ -2,16 +2,14 @@
 //!
 //! Each client has at most two states that it has not acknowledged, so a slow one skips states, and holds nobody back.
 
-use axum::body::Bytes;
-use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
+use super::socket::{Message, Socket};
+use hyper::body::Bytes;
 use schemas::frame::Frame;
 use serde_json::{Value, json};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until, timeout};
 
-/// Longest message of a client (bytes); it sends `ack` only.
-pub(super) const MAX_MESSAGE_BYTES: usize = 64;
 /// States that a client has not acknowledged.
 const MAX_IN_FLIGHT: usize = 2;
 /// A client that takes nothing, or acknowledges nothing, for so long is let go.
@@ -22,10 +20,10 @@ const VERSION: f64 = 1.0;
 /// State of a live run for clients; numbers tell them the parts that they have seen.
 #[derive(Default)]
 struct Shown {
-    run: Option<Utf8Bytes>,
-    status: (u64, Utf8Bytes),
+    run: Option<Bytes>,
+    status: (u64, Bytes),
     state: (u64, Bytes),
-    end: Option<Utf8Bytes>,
+    end: Option<Bytes>,
 }
 
 /// Shows a live run to its clients.
@@ -55,7 +53,7 @@ impl LiveWriter {
 
     /// Shows how the run is doing.
     pub fn status(&self, status: &Value) {
-        let text: Utf8Bytes = json!({ "status": status }).to_string().into();
+        let text: Bytes = json!({ "status": status }).to_string().into();
         self.0.send_modify(|shown| shown.status = (shown.status.0 + 1, text));
     }
 
@@ -95,7 +93,7 @@ struct Seen {
 impl Seen {
     /// The next message that is due; none until something new comes, or an acknowledgement.
     fn next(&mut self, shown: &Shown) -> Option<(Message, IsLast)> {
-        let text = |text: &Utf8Bytes| Message::Text(text.clone());
+        let text = |text: &Bytes| Message::Text(text.clone());
         let message = if let (Some(run), false) = (&shown.run, self.run) {
             self.run = true;
             text(run)
@@ -118,7 +116,7 @@ impl Seen {
 type IsLast = bool;
 
 /// Shows a run to a client until one of them ends.
-pub(super) async fn show(mut socket: WebSocket, mut feed: LiveFeed) {
+pub(super) async fn show(mut socket: Socket, mut feed: LiveFeed) {
     let mut seen = Seen::default();
     let (mut heard_at, mut is_open) = (Instant::now(), true);
     loop {
@@ -128,10 +126,10 @@ pub(super) async fn show(mut socket: WebSocket, mut feed: LiveFeed) {
             }
             let next = seen.next(&feed.0.borrow_and_update());
             let Some((message, is_last)) = next else { break };
-            let is_sent = matches!(timeout(PATIENCE, socket.send(message)).await, Ok(Ok(())));
+            let is_sent = matches!(timeout(PATIENCE, socket.send(&message)).await, Ok(Ok(())));
             if !is_sent || is_last {
                 // the close is answered by the client, or not
-                let _ = timeout(PATIENCE, socket.send(Message::Close(None))).await;
+                let _ = timeout(PATIENCE, socket.send(&Message::Close)).await;
                 return;
             }
         }
@@ -143,12 +141,15 @@ pub(super) async fn show(mut socket: WebSocket, mut feed: LiveFeed) {
                     return;
                 }
             }
-            received = socket.recv() => match received {
-                Some(Ok(Message::Text(text))) if text.as_str() == "ack" && seen.in_flight > 0 => {
+            received = socket.receive() => match received {
+                Some(Message::Text(text)) if text == "ack" && seen.in_flight > 0 => {
                     seen.in_flight -= 1;
                     heard_at = Instant::now();
                 }
-                Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
+                Some(Message::Ping(bytes)) => {
+                    let _ = timeout(PATIENCE, socket.send(&Message::Pong(bytes))).await;
+                }
+                Some(Message::Pong(_)) => {}
                 _ => return,
             },
             () = sleep_until(heard_at + PATIENCE), if seen.in_flight > 0 => return,
@@ -164,8 +165,8 @@ mod tests {
         let mut due = Vec::new();
         while let Some((message, is_last)) = seen.next(&feed.0.borrow()) {
             due.push(match message {
-                Message::Text(text) => text.to_string(),
-                message => format!("{} bytes", message.into_data().len()),
+                Message::Text(text) => String::from_utf8_lossy(&text).into_owned(),
+                message => format!("{} bytes", message.payload().len()),
             });
             if is_last {
                 break;
