@@ -45,7 +45,7 @@ fn dissipated_work_is_no_error() {
     let place = Place::new();
     let preset = place.run("preset homogeneous").exits(0).stdout();
     place.write("homogeneous.toml", &format!("{preset}\n[damping]\nrestitution = 0.8\n"));
-    let words = "run homogeneous.toml --method gear5 --beads 40 --duration 2e-3 --dt auto:1e-6 --json";
+    let words = "run homogeneous.toml --method rk5 --beads 40 --duration 2e-3 --dt auto:1e-6 --json";
     let run = place.run(words).exits(0);
     assert!(run.json()["relative_drift"].as_f64().unwrap().abs() <= 1e-6);
 }

@@ -6,37 +6,38 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have, and how many of its doc comments may open with a
 /// question word.
-pub(super) const BUDGETS: [(&str, usize, usize); 20] = [
-    ("the command", 15_400, 287),
-    ("schemas", 7_750, 181),
-    ("schemas/bus", 4_350, 155),
-    ("schemas/recording", 6_900, 165),
-    ("schemas/storage", 2_250, 46),
+pub(super) const BUDGETS: [(&str, usize, usize); 21] = [
+    ("the command", 13_500, 136),
+    ("schemas", 8_250, 171),
+    ("schemas/bus", 4_350, 158),
+    ("schemas/recording", 6_800, 156),
+    ("schemas/storage", 2_250, 0),
     ("schemas/source", 150, 2),
-    ("schemas/recorder", 500, 16),
-    ("producer", 6_100, 146),
-    ("consumers", 5_500, 141),
-    ("consumers/experiments", 1_600, 14),
-    ("consumers/exports", 1_300, 12),
-    ("consumers/figure", 2_700, 28),
-    ("consumers/paper", 4_700, 82),
-    ("consumers/plots", 1_300, 29),
-    ("consumers/screen", 700, 11),
-    ("consumers/waves", 1_100, 17),
-    ("page", 1_100, 29),
-    ("relay", 2_500, 86),
-    ("python", 2_100, 27),
-    ("tests/bench", 1_800, 40),
+    ("schemas/recorder", 450, 16),
+    ("producer", 5_850, 77),
+    ("consumers", 5_950, 25),
+    ("consumers/analyses", 2_700, 3),
+    ("consumers/experiments", 1_100, 14),
+    ("consumers/exports", 950, 9),
+    ("consumers/figure", 2_850, 27),
+    ("consumers/paper", 4_700, 0),
+    ("consumers/plots", 1_300, 28),
+    ("consumers/screen", 700, 0),
+    ("consumers/waves", 1_250, 17),
+    ("page", 1_250, 1),
+    ("relay", 2_500, 0),
+    ("python", 2_150, 27),
+    ("tests/bench", 1_900, 36),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 67_600;
+const MOST_LINES: usize = 68_600;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
 
 /// Files of the product that may name one analysis, one law and one method. The aims are 4, 3 and 2.
-const NAMES: [(&str, usize); 3] = [("spreading", 18), ("toda", 17), ("rk5", 14)];
+const NAMES: [(&str, usize); 3] = [("spreading", 2), ("toda", 7), ("rk5", 11)];
 
 /// Directories of the product, and how its files end.
 const PRODUCT: [&str; 7] = ["src", "schemas", "producer", "consumers", "page", "python", "relay"];
