@@ -4,6 +4,7 @@ mod gear;
 mod runge;
 mod splitting;
 
+use crate::aligned::aligned;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
 use gear::{Gear, taylor_terms};
@@ -88,9 +89,28 @@ impl Integrator {
     }
 }
 
+impl ChainState {
+    /// The state at step 0.
+    pub fn initial(physics: &Physics) -> Self {
+        let (u_m, v_m_s) = physics.initial_state();
+        Self::starting_at(physics, &u_m, &v_m_s)
+    }
+
+    /// A state at step 0 with displacements (m) and velocities (m/s) of one's own, N values each.
+    ///
+    /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
+    /// from the first step.
+    pub fn starting_at(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Self {
+        let mut extra = physics.initial_extra(u_m);
+        let terms = first_terms(physics, u_m, v_m_s);
+        extra[..terms.len()].copy_from_slice(&terms);
+        Self { u_m: aligned(u_m), v_m_s: aligned(v_m_s), extra: aligned(&extra), step: 0 }
+    }
+}
+
 /// The first rows of `extra`, which the method of `physics` carries, beside the displacements `u_m` (m) and velocities `v_m_s` (m/s)
 /// of a state.
-pub(crate) fn first_terms(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Vec<f64> {
+fn first_terms(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Vec<f64> {
     match physics.method {
         Method::Gear5 => taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s),
         Method::VelocityVerlet | Method::Rkn4 | Method::Rk5 => Vec::new(),

@@ -1,10 +1,9 @@
 //! The state of a chain at a step.
 
 use crate::aligned::aligned;
-use crate::integrator::first_terms;
 use aligned_vec::AVec;
 use schemas::frame::Frame;
-use schemas::manifest::{Physics, RunManifest};
+use schemas::manifest::RunManifest;
 
 /// Everything that the next step depends on.
 ///
@@ -15,30 +14,13 @@ pub struct ChainState {
     pub u_m: AVec<f64>,
     /// Velocities (m/s), N values.
     pub v_m_s: AVec<f64>,
-    /// What else the method carries from step to step, `E·N` values: see [`Physics::extra_per_bead`].
+    /// What else the method carries from step to step, `E·N` values: see [`Physics::extra_per_bead`](schemas::manifest::Physics::extra_per_bead).
     pub extra: AVec<f64>,
     /// Number of the step.
     pub step: u64,
 }
 
 impl ChainState {
-    /// The state at step 0.
-    pub fn initial(physics: &Physics) -> Self {
-        let (u_m, v_m_s) = physics.initial_state();
-        Self::starting_at(physics, &u_m, &v_m_s)
-    }
-
-    /// A state at step 0 with displacements (m) and velocities (m/s) of one's own, N values each.
-    ///
-    /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
-    /// from the first step.
-    pub fn starting_at(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Self {
-        let mut extra = physics.initial_extra(u_m);
-        let terms = first_terms(physics, u_m, v_m_s);
-        extra[..terms.len()].copy_from_slice(&terms);
-        Self { u_m: aligned(u_m), v_m_s: aligned(v_m_s), extra: aligned(&extra), step: 0 }
-    }
-
     /// The state that `frame` shows: a run goes on from it with the bits that it had.
     pub fn of_frame(frame: &Frame<'_>) -> Self {
         Self {

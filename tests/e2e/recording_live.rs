@@ -376,8 +376,9 @@ fn rows_of_any_analysis_are_recorded_and_proven() {
     let run = "run --preset precompressed --beads 30 --duration 0.001 --name all --publish-every-steps 5 --no-record";
     let run = place.start(&format!("{run} --wait-for 5"));
     let recorder = place.start("record live:all --out all.mcap");
-    let analyses = ["spreading", "forces --at bead:3 --at contact:7", "modes --energy --mode 2", "impurity --bead 4"]
-        .map(|words| place.start(&format!("{words} live:all")));
+    let analyses =
+        ["spreading", "forces --at bead:3 --at contact:7", "modes --energy --mode 2", "impurity --bead 4"]
+            .map(|words| place.start(&format!("{words} live:all")));
     run.wait().exits(0);
     for analysis in analyses {
         analysis.wait().exits(0);

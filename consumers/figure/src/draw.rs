@@ -2,8 +2,9 @@
 
 use super::layout::{LEADING, Layout, Look, Placed};
 use super::panel::{Along, Curve, Reference};
+use super::path::Step;
 use super::raster::{Cells, Raster};
-use super::sheet::{Anchor, Element, Pen, Rect, Sheet, Step};
+use super::sheet::{Anchor, Element, Pen, Rect, Sheet};
 use super::style::{Colour, Ink, Mark};
 use super::text::{CAP_HEIGHT, width};
 use super::{Figure, Size, decimate, legend, note};

@@ -46,6 +46,7 @@ mod layout;
 mod legend;
 mod note;
 mod panel;
+mod path;
 mod pdf;
 mod picture;
 mod raster;

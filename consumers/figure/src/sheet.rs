@@ -1,5 +1,6 @@
 //! A drawn figure: the few elements that it is made of. Lengths are points (1/72 inch), y grows downwards.
 
+use super::path::Step;
 use super::raster::Cells;
 use super::style::{Colour, Stroke};
 use super::text::{self, Glyph};
@@ -54,15 +55,6 @@ impl Pen {
             Stroke::Dotted => Some([0.01, 2.5 * self.width]),
         }
     }
-}
-
-/// A step of a path.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Step {
-    Move(f64, f64),
-    Line(f64, f64),
-    Circle { x: f64, y: f64, radius: f64 },
-    Close,
 }
 
 /// An outline that is filled, drawn with a pen, or both.

@@ -1,6 +1,6 @@
 //! Colours, strokes and markers, and how curves take them in turn.
 
-use super::sheet::Step;
+use super::path::Step;
 
 /// A colour of the figure's palette (Okabe and Ito), which colour-blind readers can tell apart.
 ///

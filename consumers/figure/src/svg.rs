@@ -5,7 +5,8 @@ use std::fmt::Write;
 use base64::Engine;
 
 use super::FigureError;
-use super::sheet::{Anchor, Element, Outline, Pen, Rect, Shape, Sheet, Step, Text};
+use super::path::Step;
+use super::sheet::{Anchor, Element, Outline, Pen, Rect, Shape, Sheet, Text};
 use super::style::Stroke;
 use super::{picture, text};
 

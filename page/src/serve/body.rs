@@ -1,10 +1,17 @@
-//! What an answer carries.
+//! Contents of an answer.
 
-use super::file::Pieces;
+use super::blocking;
 use hyper::body::{Body as HttpBody, Bytes, Frame, SizeHint};
-use std::io;
+use std::future::Future;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::ops::Range;
 use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
+use storage::Reader;
+
+/// Size of a piece (bytes): all of a file that is in memory.
+const PIECE_BYTES: u64 = 1 << 18;
 
 /// Bytes that are there, or pieces of a file that are read as the client takes them.
 pub(super) enum Body {
@@ -43,4 +50,53 @@ impl HttpBody for Body {
             Self::Pieces(pieces) => pieces.left(),
         })
     }
+}
+
+type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;
+
+/// The rest of a range, read piece by piece as the client takes it.
+pub(super) struct Pieces {
+    file: Arc<Mutex<Reader>>,
+    left: Range<u64>,
+    reading: Option<Reading>,
+}
+
+impl Pieces {
+    /// The bytes `range` of a file.
+    pub(super) fn new(file: Reader, range: Range<u64>) -> Self {
+        Self { file: Arc::new(Mutex::new(file)), left: range, reading: None }
+    }
+
+    /// Bytes that are still to come.
+    fn left(&self) -> u64 {
+        self.left.end - self.left.start
+    }
+
+    /// The next piece.
+    fn poll_next(&mut self, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, io::Error>>> {
+        if self.left.is_empty() {
+            return Poll::Ready(None);
+        }
+        let (file, from) = (Arc::clone(&self.file), self.left.start);
+        let count = PIECE_BYTES.min(self.left.end - from);
+        let reading =
+            self.reading.get_or_insert_with(|| Box::pin(blocking(move || read(&file, from, count))));
+        match reading.as_mut().poll(context) {
+            Poll::Pending => Poll::Pending,
+            Poll::Ready(read) => {
+                self.reading = None;
+                self.left.start += count;
+                // none: the runtime ends
+                Poll::Ready(read.map(|read| read.map(Frame::data)))
+            }
+        }
+    }
+}
+
+fn read(file: &Mutex<Reader>, from: u64, count: u64) -> io::Result<Bytes> {
+    let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
+    let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+    file.seek(SeekFrom::Start(from))?;
+    file.read_exact(&mut bytes)?;
+    Ok(bytes.into())
 }

@@ -1,20 +1,10 @@
 //! A recording, whole or a range of it, in pieces.
 
-use super::blocking;
-use super::body::Body;
-use hyper::body::{Bytes, Frame};
+use super::body::{Body, Pieces};
 use hyper::http::{HeaderValue, Method, Response, StatusCode, header, request::Parts};
-use std::future::Future;
-use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
-use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::task::{Context, Poll};
 use storage::{Reader, is_url};
-
-/// Read at a time (bytes): all of a file that is in memory.
-const PIECE_BYTES: u64 = 1 << 18;
 
 /// The file or the object at `path`, if it is one.
 pub(super) fn open(path: &Path) -> Option<Reader> {
@@ -51,8 +41,7 @@ pub(super) fn answer(mut file: Reader, parts: &Parts) -> Option<Response<Body>> 
     }
     if parts.method != Method::HEAD {
         file.expect(range.clone(), false);
-        let file = Arc::new(Mutex::new(file));
-        *response.body_mut() = Body::Pieces(Pieces { file, left: range, reading: None });
+        *response.body_mut() = Body::Pieces(Pieces::new(file, range));
     }
     Some(response)
 }
@@ -73,53 +62,6 @@ fn range(asked: &str, size: u64) -> Option<Range<u64>> {
         (first, last) => number(first)?..number(last)?.saturating_add(1).min(size),
     };
     (range.start < range.end).then_some(range)
-}
-
-type Reading = Pin<Box<dyn Future<Output = Option<io::Result<Bytes>>> + Send>>;
-
-/// The rest of a range, read piece by piece as the client takes it.
-pub(super) struct Pieces {
-    file: Arc<Mutex<Reader>>,
-    left: Range<u64>,
-    reading: Option<Reading>,
-}
-
-impl Pieces {
-    /// Bytes that are still to come.
-    pub(super) fn left(&self) -> u64 {
-        self.left.end - self.left.start
-    }
-
-    /// The next piece.
-    pub(super) fn poll_next(
-        &mut self,
-        context: &mut Context<'_>,
-    ) -> Poll<Option<Result<Frame<Bytes>, io::Error>>> {
-        if self.left.is_empty() {
-            return Poll::Ready(None);
-        }
-        let (file, from) = (Arc::clone(&self.file), self.left.start);
-        let count = PIECE_BYTES.min(self.left.end - from);
-        let reading =
-            self.reading.get_or_insert_with(|| Box::pin(blocking(move || read(&file, from, count))));
-        match reading.as_mut().poll(context) {
-            Poll::Pending => Poll::Pending,
-            Poll::Ready(read) => {
-                self.reading = None;
-                self.left.start += count;
-                // none: the runtime ends
-                Poll::Ready(read.map(|read| read.map(Frame::data)))
-            }
-        }
-    }
-}
-
-fn read(file: &Mutex<Reader>, from: u64, count: u64) -> io::Result<Bytes> {
-    let mut bytes = vec![0; usize::try_from(count).map_err(io::Error::other)?];
-    let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-    file.seek(SeekFrom::Start(from))?;
-    file.read_exact(&mut bytes)?;
-    Ok(bytes.into())
 }
 
 #[cfg(test)]
