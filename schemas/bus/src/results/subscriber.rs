@@ -94,13 +94,15 @@ impl<T: ResultElement> Queue for QueueOf<T> {
     }
 }
 
+type Subscribed = (Box<dyn Queue>, ResultColumns);
+
 /// Subscribes to the topic, if somebody publishes it.
 fn subscribe<T: ResultElement>(
     node: &Node<Ipc>,
     run: &RunName,
     topic: Topic,
     delivery: Delivery,
-) -> Result<Option<(Box<dyn Queue>, ResultColumns)>, ResultsError> {
+) -> Result<Option<Subscribed>, ResultsError> {
     let failed = |e: &dyn Debug| BusError::service(&text_of(run, topic), "subscribe to", &format!("{e:?}"));
     let Some(service) = services::find_slices::<T>(node, run, topic)? else { return Ok(None) };
     if service.dynamic_config().number_of_publishers() == 0 {
