@@ -31,7 +31,7 @@ pub(super) struct Opening<'a> {
     /// Elements of the longest slice.
     pub(super) elements: usize,
     /// Ends a send that is held back.
-    pub(super) stop: &'a Arc<AtomicBool>,
+    pub(super) stop: Arc<AtomicBool>,
     /// How long a lossless consumer may take nothing.
     pub(super) stuck_after: Duration,
     /// How long a dead publisher may take to vanish.
@@ -56,15 +56,15 @@ impl Opening<'_> {
 
     /// The publisher of `service`, with all of its memory; none if a living process has one.
     pub(super) fn publisher<T: Debug + ZeroCopySend + 'static>(
-        &self,
+        self,
         service: SliceService<T>,
     ) -> Result<Option<Outlet<T>>, BusError> {
         let text = text_of(self.run, self.topic);
         let notifier = services::events(self.node, self.run, self.topic)?.notifier_builder().create();
         let notifier = notifier.map_err(|e| BusError::service(&text, "notify", &e))?;
-        let (config, stop) = (self.bus.config().clone(), Arc::clone(self.stop));
+        let config = self.bus.config().clone();
         let backpressure =
-            Backpressure::new(service, config, notifier, stop, self.stuck_after, self.remedies);
+            Backpressure::new(service, config, notifier, self.stop, self.stuck_after, self.remedies);
         // the one place where two publishers of one name are told apart
         let publisher = backpressure.publisher(self.bus, self.node, self.elements, self.patience);
         let publisher = publisher.map_err(|e| BusError::service(&text, "publish", &e))?;

@@ -14,6 +14,7 @@ use schemas::chain::Chain;
 use schemas::manifest::{ManifestTooLong, RunId, RunManifest};
 use schemas::results::Topic;
 use schemas::run_name::RunName;
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 /// How long a producer of the same name may take to vanish.
@@ -113,7 +114,7 @@ impl StatePublisher {
             run,
             topic: Topic::State,
             elements: doubles,
-            stop: &options.stop,
+            stop: Arc::clone(&options.stop),
             stuck_after: options.stuck_after,
             patience: TAKE_OVER_PATIENCE,
             remedies: options.remedies(),

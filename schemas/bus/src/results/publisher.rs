@@ -62,7 +62,7 @@ impl<T: ResultElement> ResultPublisher<T> {
             run,
             topic,
             elements: columns.width.max(1), // integers
-            stop: &stop,
+            stop,
             stuck_after: STUCK_AFTER,
             patience: TAKE_OVER_PATIENCE,
             remedies: Remedies::default(),
@@ -78,7 +78,9 @@ impl<T: ResultElement> ResultPublisher<T> {
         };
         drop(lock);
         let watchers = Watchers::call(&node, run, topic)?;
-        wait_for_others(&node, &stop, WATCHER_PATIENCE, || watchers.have_subscribed(&backpressure));
+        wait_for_others(&node, &backpressure.stop, WATCHER_PATIENCE, || {
+            watchers.have_subscribed(&backpressure)
+        });
         Ok(Self {
             publisher,
             backpressure,

@@ -94,13 +94,15 @@ impl<T: ResultElement> Queue for QueueOf<T> {
     }
 }
 
+type Subscribed = (Box<dyn Queue>, ResultColumns);
+
 /// Subscribes to the topic, if somebody publishes it.
 fn subscribe<T: ResultElement>(
     node: &Node<Ipc>,
     run: &RunName,
     topic: Topic,
     delivery: Delivery,
-) -> Result<Option<(Box<dyn Queue>, ResultColumns)>, ResultsError> {
+) -> Result<Option<Subscribed>, ResultsError> {
     let failed = |e: &dyn Debug| BusError::service(&text_of(run, topic), "subscribe to", &format!("{e:?}"));
     let Some(service) = services::find_slices::<T>(node, run, topic)? else { return Ok(None) };
     if service.dynamic_config().number_of_publishers() == 0 {
@@ -128,7 +130,7 @@ pub struct ResultSubscriber {
     /// The end, once its row has come.
     status: RunStatus,
     stop: Arc<AtomicBool>,
-    _node: Arc<Node<Ipc>>,
+    _node: Node<Ipc>,
 }
 
 impl ResultSubscriber {
@@ -143,24 +145,12 @@ impl ResultSubscriber {
         delivery: Delivery,
         stop: Arc<AtomicBool>,
     ) -> Result<Option<Self>, ResultsError> {
-        Self::attach_on(bus, Arc::new(bus.node()?), run, topic, delivery, stop)
-    }
-
-    pub(super) fn attach_on(
-        bus: &Bus,
-        node: Arc<Node<Ipc>>,
-        run: &RunName,
-        topic: Topic,
-        delivery: Delivery,
-        stop: Arc<AtomicBool>,
-    ) -> Result<Option<Self>, ResultsError> {
+        // registering costs more than a look
+        let Some(element) = services::element_of(bus, run, topic)? else { return Ok(None) };
+        let node = bus.node()?;
         check_schema(bus, run, topic)?;
-        let subscribed = match services::element_of(bus, run, topic)?.as_deref() {
-            None => None,
-            Some("u8") => subscribe::<u8>(&node, run, topic, delivery)?,
-            Some(_) => subscribe::<f64>(&node, run, topic, delivery)?,
-        };
-        let Some((queue, columns)) = subscribed else { return Ok(None) };
+        let subscribe = if element == "u8" { subscribe::<u8> } else { subscribe::<f64> };
+        let Some((queue, columns)) = subscribe(&node, run, topic, delivery)? else { return Ok(None) };
         let listener = services::events(&node, run, topic)?.listener_builder().create();
         let listener = listener.map_err(|e| BusError::service(&text_of(run, topic), "listen to", &e))?;
         Ok(Some(Self {

@@ -19,7 +19,7 @@ pub struct ResultsWatch {
     bus: Bus,
     run: RunName,
     listener: Listener<Ipc>,
-    node: Arc<Node<Ipc>>,
+    _node: Node<Ipc>,
 }
 
 impl ResultsWatch {
@@ -28,11 +28,11 @@ impl ResultsWatch {
     /// # Errors
     /// When the bus cannot be used.
     pub fn create(bus: &Bus, run: &RunName) -> Result<Self, ResultsError> {
-        let node = Arc::new(bus.node()?);
+        let node = bus.node()?;
         let listener = services::announcements(&node, run)?.listener_builder().create();
         let text = format!("beadline/{run}/own");
         let listener = listener.map_err(|e| BusError::service(&text, "listen to", &e))?;
-        Ok(Self { bus: bus.clone(), run: run.clone(), listener, node })
+        Ok(Self { bus: bus.clone(), run: run.clone(), listener, _node: node })
     }
 
     /// The topics that have services, in order, with publishers or without.
@@ -53,7 +53,7 @@ impl ResultsWatch {
         delivery: Delivery,
         stop: Arc<AtomicBool>,
     ) -> Result<Option<ResultSubscriber>, ResultsError> {
-        ResultSubscriber::attach_on(&self.bus, Arc::clone(&self.node), &self.run, topic, delivery, stop)
+        ResultSubscriber::attach(&self.bus, &self.run, topic, delivery, stop)
     }
 
     /// Waits until a publisher comes, or for `patience`; returns whether one came.

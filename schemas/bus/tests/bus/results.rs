@@ -164,8 +164,8 @@ fn a_publisher_that_begins_again_waits_for_who_still_reads() {
             let wait = || {
                 watch.wait(Duration::from_secs(1));
             };
-            let again = std::iter::repeat_with(|| read_when_there(&test, "energies", wait));
-            let again = again.skip_while(|(frames, ..)| frames.is_empty()).next().unwrap();
+            let mut again = std::iter::repeat_with(|| read_when_there(&test, "energies", wait));
+            let again = again.find(|(frames, ..)| !frames.is_empty()).unwrap();
             assert_eq!(again, ((1..5).collect(), 0, EndReason::Complete));
         });
     }

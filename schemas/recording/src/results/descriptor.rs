@@ -43,7 +43,9 @@ impl Described<'_> {
             fields.push(column);
         }
         if is_ours {
-            fields.iter_mut().for_each(|field| field.json_name = Some(json_name(field.name())));
+            for field in &mut fields {
+                field.json_name = Some(json_name(field.name()));
+            }
         }
         let name = Some(self.message.to_owned());
         let message =

@@ -27,6 +27,9 @@ pub(crate) struct RowHead {
     pub(crate) time_s: f64,
 }
 
+/// Head of a row, the numbers of its things, and the values of each of its columns.
+type Fields = (RowHead, Vec<u64>, Vec<Vec<f64>>);
+
 /// The messages that the rows of one topic are in a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowMessages {
@@ -246,8 +249,7 @@ impl RowMessages {
         Ok(RecordedRow { frame, step, time_s, values, things, tolerance_m: None })
     }
 
-    /// The head of a row, the numbers of its things, and the values of each of its columns.
-    fn fields(&self, mut message: &[u8]) -> Result<(RowHead, Vec<u64>, Vec<Vec<f64>>), DecodeError> {
+    fn fields(&self, mut message: &[u8]) -> Result<Fields, DecodeError> {
         let (mut head, mut things) = (RowHead::default(), Vec::new());
         let mut columns = vec![Vec::new(); self.names().len()];
         let has_things = matches!(self.layout, Layout::Things(..));
@@ -302,15 +304,13 @@ fn encode_things(
         let (count, number, width) = (values.len(), layout.number, layout.width());
         return Err(format!("it has {count} values{many}, not {width} for each {number}"));
     }
-    let (numbers, each): (Vec<u64>, Vec<&[f64]>) = match named {
-        Some(named) => (named.to_vec(), each.collect()),
+    let (numbers, each): (Vec<u64>, Vec<&[f64]>) = if let Some(named) = named {
+        (named.to_vec(), each.collect())
+    } else {
         // the bus fills a row up with NaN
-        None => {
-            let there = each.filter(|values| !values[0].is_nan());
-            let split =
-                there.map(|values| whole(values[0], layout.number).map(|number| (number, &values[1..])));
-            split.collect::<Result<Vec<_>, _>>()?.into_iter().unzip()
-        }
+        let there = each.filter(|values| !values[0].is_nan());
+        let split = there.map(|values| whole(values[0], layout.number).map(|number| (number, &values[1..])));
+        split.collect::<Result<Vec<_>, _>>()?.into_iter().unzip()
     };
     uint64::encode_packed(FIRST_COLUMN, &numbers, message);
     for (tag, column) in (FIRST_COLUMN + 1..).zip(0..layout.fields.len()) {
