@@ -45,7 +45,7 @@ def test_every_rule_of_a_configuration_can_be_said() -> None:
     rec = bl.Run(chain, strikers={0: 0.1}, duration_s=1e-4).simulate()
     assert rec.mass_kg.tolist() == [1e-3, 2e-3, 1e-3, 2e-3, 1e-3, 4e-3]
     assert rec.stiffness[[0, 2, 4]].tolist() == [1e7, 3e7, 2e7]
-    assert rec.manifest["physics"]["method"] == "gear5"
+    assert rec.manifest["physics"]["method"] == "rk5"
     assert np.all(np.diff(rec.rest_force_n) > 0), "each contact carries one bead more"
     rules = bl.Chain(
         6, mass_kg=1e-3, alpha=1.5, stiffness=1e7, masses={"taper": 0.5}, stiffnesses="radii"
