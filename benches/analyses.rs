@@ -1,4 +1,4 @@
-//! What the analyses of a frame cost. In this package, because only it sees both the dynamics and the analyses.
+//! Costs of the analyses of a frame. They are in this package because only it sees both the dynamics and the analyses.
 
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};

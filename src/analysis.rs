@@ -37,7 +37,7 @@ pub(crate) struct Session<'a> {
     args: &'a FramesArgs,
     /// The figures that are drawn.
     figures: &'a [PathBuf],
-    /// Whether results are published, if the source is live.
+    /// True if results are published, provided that the source is live.
     publishes: bool,
     source: Frames,
     window: Window,
@@ -46,7 +46,7 @@ pub(crate) struct Session<'a> {
     stop: Arc<AtomicBool>,
 }
 
-/// What goes wrong while frames are analysed.
+/// Errors while frames are analysed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum AnalysisError {
     #[error(transparent)]
@@ -239,7 +239,8 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Says what the end of the run or recording `source` means for the things `made` from it, such as results.
+/// Prints a notice about the end of the run or recording `source`: its meaning for the things `made` from it, such
+/// as results.
 pub(crate) fn notice_of_end(end: EndReason, recording: Option<&Path>, made: &str) {
     match end {
         EndReason::Failed => notice!("the run failed; {made} end at its last frame"),

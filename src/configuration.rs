@@ -1,4 +1,4 @@
-//! From the flags of `run` to a manifest.
+//! Makes a manifest from the flags of `run`.
 
 use crate::args::{CheckArgs, Overrides, RunArgs};
 use crate::failure::{BadInput, Failure};
@@ -188,7 +188,7 @@ fn overridden(args: &Asked<'_>, config: &RunConfig, chosen: Option<&str>) -> Str
     text
 }
 
-/// Where and when a run is made.
+/// Place and time of a run's making, and the program that makes it.
 pub fn origin() -> Origin {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Origin {

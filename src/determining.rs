@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 
-/// How much the thread beside a run gives way to others.
+/// Niceness of the thread beside a run: it gives way to others.
 const NICENESS: i32 = 10;
 
 /// A longer step is worth a line from this factor on.

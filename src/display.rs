@@ -1,4 +1,4 @@
-//! What a person sees: progress bars, notices, results.
+//! Output for people: progress bars, notices, results.
 
 use crate::limits;
 use anyhow::{Context as _, Error, anyhow};
@@ -40,7 +40,7 @@ pub(crate) fn printable(text: &str) -> String {
     printable
 }
 
-/// Whether a terminal obeys a character instead of showing it: controls, also those of 8 bits, and characters that
+/// True if a terminal obeys a character instead of showing it: controls, also those of 8 bits, and characters that
 /// change the direction of writing or are invisible.
 fn is_obeyed(character: char) -> bool {
     let turns = matches!(character, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}');
@@ -67,7 +67,7 @@ pub(crate) fn tell_json(line: &str) {
     let _ = writeln!(io::stderr(), "{}", printable_json(&storage::masked(line)));
 }
 
-/// Says so if a manifest was written by a later version than this program's.
+/// Prints a notice if a later version than this program's wrote the manifest.
 pub(crate) fn notice_of_version(manifest: &RunManifest) {
     if manifest.is_newer_minor() {
         let found = manifest.schema_version;
@@ -77,7 +77,7 @@ pub(crate) fn notice_of_version(manifest: &RunManifest) {
     }
 }
 
-/// Says what was removed on the bus because it was in the way.
+/// Prints a notice about things that were removed on the bus because they were in the way.
 pub(crate) fn notice_of_bus(bus: &Bus) {
     if let Some(found) = bus.take_notice() {
         notice(found);
@@ -185,7 +185,7 @@ fn style(template: &str) -> ProgressStyle {
     style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("━╸ ")
 }
 
-/// Why there are no more frames; `until_s` is the time (s) at which the user let them end, if that is the reason.
+/// Reason why there are no more frames; `until_s` is the time (s) at which the user let them end, if that is the reason.
 pub(crate) fn end(reason: EndReason, until_s: Option<f64>) -> String {
     until_s.map_or_else(|| reason.to_string(), |until_s| format!("until {until_s} s, as asked"))
 }

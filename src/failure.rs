@@ -14,7 +14,7 @@ use std::any::Any;
 use std::ffi::OsString;
 use storage::StorageError;
 
-/// How a command ended that did not fail.
+/// End of a command that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Done {
     /// Everything is as asked for.
@@ -30,7 +30,7 @@ impl Done {
     }
 }
 
-/// Why a command failed.
+/// Reason why a command failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The user's input cannot be used: a flag, a configuration, a file.
@@ -64,7 +64,7 @@ impl<T, E: Into<Error>> BadInput<T> for Result<T, E> {
     }
 }
 
-/// In which form a failure is told.
+/// Form in which a failure is printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
     /// In words.
@@ -150,12 +150,12 @@ pub(crate) fn of_panic(panic: &(dyn Any + Send)) -> Failure {
     Failure::Failed(bug)
 }
 
-/// Whether something cannot be recomputed here, though nothing is wrong with it.
+/// True if this program cannot recompute something because another kernel made it, though nothing is wrong with it.
 fn is_of_another_kernel(error: &Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref::<OtherKernel>().is_some())
 }
 
-/// Whether an output needs another name, whichever command found that, and however late.
+/// True if an output needs another name, whichever command found that, and however late.
 fn is_in_the_way(error: &Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)

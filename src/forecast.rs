@@ -1,4 +1,4 @@
-//! Says before a long run or sweep how much time and disk it will take, and asks on a terminal.
+//! Forecasts time and disk before a long run or sweep, and asks on a terminal.
 
 use crate::args::Pace;
 use crate::display;
@@ -11,22 +11,22 @@ use std::time::Duration;
 /// Bead-steps that take some seconds at most; a shorter run has no forecast.
 const SHORT_WORK: f64 = 1e9;
 
-/// For how long a step is timed.
+/// Time for which a step is measured.
 const PILOT: Duration = Duration::from_millis(5);
 
-/// What takes longer (s) is told.
+/// Work that takes longer than this (s) gets a notice.
 const TOLD_S: f64 = 60.0;
 
-/// What takes longer (s) is asked about.
+/// Work that takes longer than this (s) needs a person's consent.
 const ASKED_S: f64 = 3600.0;
 
-/// What takes longer (s) is a mistake: a year.
+/// Work that takes longer than this (s), a year, is a mistake.
 const ABSURD_S: f64 = 365.0 * 86400.0;
 
 /// A recording of at least this part of the free disk is asked about.
 const ASKED_DISK: f64 = 0.2;
 
-/// What something will take at least.
+/// Least cost of a piece of work.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Forecast {
     /// Wall time (s).
@@ -35,7 +35,7 @@ pub(crate) struct Forecast {
     disk: f64,
 }
 
-/// What to do about it.
+/// Decision about a forecast.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     GoOn,
@@ -49,8 +49,8 @@ pub fn computing_s(manifest: &RunManifest) -> f64 {
 }
 
 impl Forecast {
-    /// For the steps of `manifest`'s run after `first_step` at `pace`, and a recording that takes the part `disk` of what
-    /// is free.
+    /// Forecasts the steps of `manifest`'s run after `first_step` at `pace`, and a recording that takes the part `disk` of
+    /// the free disk.
     pub(crate) fn of_run(manifest: &RunManifest, first_step: u64, pace: Pace, disk: f64) -> Self {
         let physics = &manifest.physics;
         let steps = physics.step_count.saturating_sub(first_step) as f64;
@@ -63,7 +63,7 @@ impl Forecast {
         Self { wall_s: computing_s.max(paced_s), disk }
     }
 
-    /// For runs of `bead_steps` bead-steps altogether, each like that of `physics`, on `threads` cores.
+    /// Forecasts runs of `bead_steps` bead-steps altogether, each like that of `physics`, on `threads` cores.
     pub(crate) fn of_many(physics: &Physics, bead_steps: f64, threads: usize) -> Self {
         let work = bead_steps * f64::from(physics.method.force_evaluations_per_step());
         let per_step_s = per_step_s(physics, 1, work);
@@ -71,11 +71,11 @@ impl Forecast {
         Self { wall_s, disk: 0.0 }
     }
 
-    /// Says so if it is long, and asks on a terminal whether to begin, unless `yes` answers. Without a terminal a long
-    /// run begins; only one of more than a year needs `yes`.
+    /// Prints a notice if the work is long, and asks on a terminal whether to begin, unless `yes` answers. Without a
+    /// terminal a long run begins; only one of more than a year needs `yes`.
     ///
     /// # Errors
-    /// When it is not wanted.
+    /// When the person does not want it.
     pub(crate) fn confirm(self, yes: bool) -> Result<(), Failure> {
         let takes = format!("this takes at least {}", long_time(self.wall_s));
         if self.wall_s > TOLD_S {

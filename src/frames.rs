@@ -1,4 +1,4 @@
-//! Where an analysis gets its frames from, as the user names it.
+//! Sources of an analysis's frames, as the user names them.
 
 use crate::args::FramesArgs;
 use crate::failure::{BadInput, Failure};
@@ -26,10 +26,10 @@ enum States {
     InParallel(Box<ParallelResimulation<Source>>),
 }
 
-/// What goes wrong in any kind of source.
+/// Errors of any kind of source.
 pub(crate) type FramesError = ResimulationError<SourceError>;
 
-/// Whether a recording is to blame, and not a live run.
+/// True if a recording is to blame, and not a live run.
 pub(crate) fn is_of_a_file(error: &FramesError) -> bool {
     matches!(error, ResimulationError::Source(SourceError::File(_)) | ResimulationError::Differs(_))
 }
@@ -47,7 +47,7 @@ impl Frames {
         Ok(Self::as_they_come(source))
     }
 
-    /// What `source` holds, and nothing else.
+    /// The states that `source` holds, and nothing else.
     pub(crate) fn as_they_come(source: Source) -> Self {
         Self { stop: source.stop().cloned(), states: States::AsTheyCome(source) }
     }
@@ -127,7 +127,7 @@ pub(crate) fn attach(
     attach_with(bus, name, delivery, &options)
 }
 
-/// Says what an attachment waits for.
+/// Prints a notice about the cause of an attachment's wait.
 pub(crate) fn tell(notice: &AttachNotice) {
     match notice {
         AttachNotice::WaitingForRun { name: Some(name) } => {

@@ -23,10 +23,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// How often a process in the background looks whether the terminal is its own again.
+/// Interval at which a process in the background checks if the terminal is its own again.
 const BACKGROUND_POLL: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
 
-/// How long the rest of a key may be under way.
+/// Longest time for which the rest of a key may be under way.
 const REST_OF_A_KEY: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// Signals that end a process by default, and that nobody handles.
@@ -34,20 +34,20 @@ const KILLING: [i32; 12] = [
     SIGQUIT, SIGABRT, SIGALRM, SIGIO, SIGPROF, SIGSYS, SIGTRAP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
 ];
 
-/// What a screen begins with: the other screen of the terminal, no cursor, and a question for its background.
+/// Bytes that begin a screen: the other screen of the terminal, no cursor, and a question for its background.
 const BEGIN_SCREEN: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b]11;?\x1b\\\x1b[2J";
-/// What a screen ends with.
+/// Bytes that end a screen.
 const END_SCREEN: &[u8] = b"\x1b[0m\x1b[?25h\x1b[?1049l";
 
-/// What presses mean.
+/// Meaning of presses.
 pub(crate) trait Meaning: Sized + Send + 'static {
-    /// What these bytes of a terminal mean.
+    /// The meanings of these bytes of a terminal.
     fn of(bytes: &[u8]) -> Vec<Self>;
-    /// Whether it means the end.
+    /// True if this one means the end.
     fn is_end(&self) -> bool;
 }
 
-/// What a person wants.
+/// Command that a person gives by a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Key {
     /// Pause or go on.
@@ -58,13 +58,13 @@ pub(crate) enum Key {
     Faster,
     /// Half the rate.
     Slower,
-    /// To another place; means something where frames are there already.
+    /// Go to another place; means something where frames are there already.
     Seek(Seek),
     /// The end.
     Quit,
 }
 
-/// Where to go on.
+/// Place at which frames go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Seek {
     /// The frame before the last one, and a pause there.
@@ -135,7 +135,7 @@ impl<K: Meaning> Keyboard<K> {
         Ok((Self { keys, terminal, end: Some(end), thread: Some(thread) }, stop))
     }
 
-    /// What the screen is written on.
+    /// The terminal that the screen is written on.
     pub(crate) fn terminal(&self) -> Arc<Terminal> {
         Arc::clone(&self.terminal)
     }
@@ -170,7 +170,7 @@ impl<K> Drop for Keyboard<K> {
     }
 }
 
-/// Whether the terminal on stdin answers to us: another process in its foreground may not be disturbed.
+/// True if the terminal on stdin answers to this process: it must not disturb another process in the foreground.
 fn is_ours() -> bool {
     // a terminal that does not control us needs no check
     tcgetpgrp(io::stdin()).map_or(true, |foreground| foreground == getpgrp())
@@ -224,7 +224,7 @@ impl Terminal {
         taken
     }
 
-    /// How often it was ours anew: each time the screen is empty.
+    /// Number of times that this process took the terminal; the screen is empty after each.
     pub(crate) fn times_taken(&self) -> u32 {
         self.times_taken.load(Ordering::SeqCst)
     }
@@ -262,7 +262,7 @@ impl Terminal {
         None
     }
 
-    /// Whether it was restored for good.
+    /// True if the terminal was restored for good.
     pub(crate) fn is_closed(&self) -> bool {
         self.closed.load(Ordering::SeqCst)
     }
@@ -293,13 +293,13 @@ impl Signals {
         Ok(Self(came))
     }
 
-    /// How many came since the last call.
+    /// Number of signals since the last call.
     fn take(&self) -> usize {
         (&self.0).read(&mut [0; 16]).unwrap_or(0)
     }
 }
 
-/// What the thread watches.
+/// State of the thread that watches signals and keys.
 struct Listener<K> {
     ended: UnixStream,
     stopping: Signals,
@@ -358,7 +358,7 @@ impl<K: Meaning> Listener<K> {
         }
     }
 
-    /// Whether there may be more keys later.
+    /// Reads keys and sends them. True if there may be more keys later.
     fn read_keys(&self) -> bool {
         if !is_ours() {
             // somebody else has the terminal now, and with it the keys
@@ -390,18 +390,18 @@ impl<K: Meaning> Listener<K> {
     }
 }
 
-/// What a terminal says at once.
+/// One press, or one answer, in the bytes of a terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Press<'a> {
     /// A character's byte, or Esc by itself.
     Byte(u8),
-    /// What follows ESC [ or ESC O: a key by its numbers and its last byte.
+    /// The rest after ESC [ or ESC O: a key by its numbers and its last byte.
     Special(&'a [u8], u8),
-    /// What follows ESC ]: the answer to a question.
+    /// The rest after ESC ]: the answer to a question.
     Answer(&'a [u8]),
 }
 
-/// What these bytes of a terminal say.
+/// Splits bytes of a terminal into presses.
 pub(crate) fn presses(mut bytes: &[u8]) -> Vec<Press<'_>> {
     let mut presses = Vec::new();
     while let [first, rest @ ..] = bytes {

@@ -74,10 +74,10 @@ pub fn main_with(offers: &[&'static own::Offer]) -> ExitCode {
     ExitCode::from(command(&arguments, None))
 }
 
-/// What the command `beadline` does with these arguments, of which the first one is its name; gives its exit code.
+/// Runs the command `beadline` with these arguments and gives its exit code. The first argument is the command's name.
 ///
-/// It prints, takes over signals and may end the process: for a process of its own. `program` is how to start such a
-/// process; without it, it is the running program.
+/// It prints, takes over signals and may end the process, so it needs a process of its own. `program` starts such a
+/// process; without it, the running program does.
 pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
     let form = Form::asked_for(arguments);
     limits::prepare(|message| form.line(message));

@@ -1,4 +1,4 @@
-//! What the system grants this process, and the messages when that is not enough.
+//! Resources that the system grants this process, and the messages when they are not enough.
 
 use anyhow::Error;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -15,11 +15,11 @@ const MOST_FILES: u64 = 1 << 16;
 /// Memory that is enough for most commands (bytes).
 const MEMORY_OF_A_COMMAND: u64 = 1 << 30;
 
-/// By how much a long computation is nicer than what a user waits for: a tenth of its share of a core.
+/// Niceness of a long computation beyond that of work that a user waits for: a tenth of its share of a core.
 #[cfg(target_os = "linux")]
 const PATIENT: i32 = 10;
 
-/// Whether stdout was closed when the process was started.
+/// True if stdout was closed when the process was started.
 static STDOUT_WAS_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// Looks at stdout before the standard library replaces it by `/dev/null`, where results would vanish without a
@@ -41,7 +41,7 @@ extern "C" fn look_at_stdout() {
 #[unsafe(link_section = ".init_array")]
 static BEFORE_MAIN: extern "C" fn() = look_at_stdout;
 
-/// Whether stdout is closed, so that results cannot be printed.
+/// True if stdout is closed, so that results cannot be printed.
 pub(crate) fn stdout_was_closed() -> bool {
     STDOUT_WAS_CLOSED.load(Ordering::Relaxed)
 }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::path::Path;
 
-/// Why a link that leads out of what is viewed is not opened.
+/// Reason why a link that leads out of what is viewed is not opened.
 pub(crate) const NOT_FOLLOWED: &str = "a link that leads out of this folder, or nowhere: it is not followed; view the file that it leads to by its own name";
 
 /// Refuses a `path` in `folder` that leads to something that is not.
@@ -11,7 +11,7 @@ pub(crate) fn check_inside(path: &Path, folder: &Path) -> Result<(), Failure> {
     if leads_out(path, folder) { Err(bad_input!("{}: {NOT_FOLLOWED}", path.display())) } else { Ok(()) }
 }
 
-/// Whether `path`, which is in `folder`, leads to something that is not; also where it leads to nothing.
+/// True if `path`, which is in `folder`, leads to something outside of it, or to nothing.
 pub(crate) fn leads_out(path: &Path, folder: &Path) -> bool {
     match (path.canonicalize(), folder.canonicalize()) {
         (Ok(path), Ok(folder)) => !path.starts_with(folder),

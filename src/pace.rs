@@ -9,7 +9,7 @@ pub(crate) const LONGEST_NAP: Duration = Duration::from_millis(20);
 /// Shorter delays are caught up; nobody sees that.
 const SLACK: Duration = Duration::from_millis(100);
 
-/// Says how far simulated time is ahead of where it may be.
+/// Tells how far simulated time is ahead of its pace.
 ///
 /// Times are compared with one moment at which both clocks were read, so that small delays do not add up. A run
 /// that is behind by more than [`SLACK`], after a stalled consumer or a suspended process, does not race: that moment
@@ -31,7 +31,7 @@ impl Pacer {
         self.pace
     }
 
-    /// How long it takes until simulated time may be `time_s`; none if it may be now.
+    /// Time until simulated time may be `time_s`; none if it may be now.
     pub(crate) fn ahead(&mut self, time_s: f64) -> Option<Duration> {
         self.ahead_at(Instant::now(), time_s)
     }
@@ -45,7 +45,7 @@ impl Pacer {
         (ahead > 0.0).then(|| Duration::from_secs_f64(ahead.min(1e6)))
     }
 
-    /// From now on, with simulated time at `time_s`, another pace counts.
+    /// Sets another pace from now on, with simulated time at `time_s`.
     pub(crate) fn change(&mut self, pace: Pace, time_s: f64) {
         *self = Self::new(pace, time_s);
     }

@@ -1,11 +1,11 @@
-//! How far long work is: a bar on a terminal, which is written ten times a second however fast the work is.
+//! Progress of long work: a bar on a terminal, which is written ten times a second however fast the work is.
 
 use crate::display;
 use indicatif::ProgressBar;
 use schemas::manifest::RunManifest;
 use std::time::{Duration, Instant};
 
-/// How often a person needs to see progress.
+/// Interval at which a person needs to see progress.
 pub(crate) const REFRESH: Duration = Duration::from_millis(100);
 
 /// A bar that goes away when the work is done, or when it is dropped.
@@ -25,7 +25,7 @@ impl Progress {
         Self::new(manifest.physics.step_count, manifest.provenance.name.as_str())
     }
 
-    /// Whether it is time to show something again.
+    /// True if it is time to show progress again.
     pub(crate) fn is_due(&mut self) -> bool {
         let is_due = self.shown.elapsed() >= REFRESH;
         if is_due {

@@ -8,13 +8,13 @@ use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use std::sync::atomic::AtomicBool;
 
-/// Those who listen to a run while it goes on.
+/// Consumers that listen to a run while it goes on.
 pub(crate) trait Audience {
     /// Answers those who come; one that cannot be answered now is answered at the next frame.
     fn serve(&mut self);
     /// Who there is, and what came of it.
     fn counts(&self) -> PublishCounts;
-    /// What happened to consumers since the last call.
+    /// Events of consumers since the last call.
     fn take_events(&mut self) -> Vec<ConsumerEvent>;
 }
 
@@ -32,7 +32,7 @@ impl Audience for StatePublisher {
     }
 }
 
-/// Where the frames of a run go: onto the bus, or nowhere.
+/// Destination of a run's frames: the bus, or none.
 pub(crate) enum Outlet {
     Bus(Box<StatePublisher>),
     Nowhere,
@@ -118,7 +118,7 @@ pub(crate) struct Dropped {
 }
 
 impl Dropped {
-    /// Says which consumers were dropped since the last call.
+    /// Prints a notice about each consumer that was dropped since the last call.
     pub(crate) fn tell(&mut self, publisher: &mut impl Audience, bar: &ProgressBar) {
         for event in publisher.take_events() {
             match event {

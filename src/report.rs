@@ -1,4 +1,4 @@
-//! What a command found: rows for people, the outcome itself for programs.
+//! Results of a command: rows for people, the outcome itself for programs.
 
 use crate::display::{self, count};
 use anyhow::Error;
@@ -47,7 +47,7 @@ impl Rows {
         }
     }
 
-    /// What held up a publisher, if anything did.
+    /// Adds rows about pauses of a publisher and about dropped consumers, if there were any.
     pub(crate) fn pauses(&mut self, paused: Duration, dropped_count: u64) {
         if paused > Duration::ZERO {
             self.add("paused", display::duration(paused));

@@ -56,7 +56,7 @@ impl Resumption {
         self.recording.info()
     }
 
-    /// What is left to do. A complete recording may lack only its name, and gets it here.
+    /// Gives the resumption back if steps are left to do. A complete recording may lack only its name, and gets it here.
     pub(crate) fn unless_complete(self) -> Result<Option<Self>, Failure> {
         if !(self.recording.is_in_place() && self.info().is_complete()) {
             return Ok(Some(self));
@@ -71,7 +71,7 @@ impl Resumption {
         Ok(None)
     }
 
-    /// Where the recording will be.
+    /// Path of the finished recording.
     pub(crate) fn target(&self) -> &Path {
         self.recording.target()
     }
@@ -118,7 +118,7 @@ impl Resumption {
         Ok(Some(Begun { recorder: Some(recorder), state, old }))
     }
 
-    /// What is wrong with the recording, and what to do.
+    /// The failure for a damaged recording: the damage, and what to do.
     fn damaged(&self, what: &str) -> Failure {
         let path = self.recording.path().display();
         Failure::BadInput(anyhow!(
@@ -225,7 +225,7 @@ enum Copied {
     Stopped,
 }
 
-/// Why a recording cannot be resumed.
+/// Reason why a recording cannot be resumed.
 fn hindrance(info: &RecordingInfo) -> Option<String> {
     let no_states = info.frames() == 0;
     let first_step = info.first_step.unwrap_or(0);
@@ -258,7 +258,7 @@ fn most_states(info: &RecordingInfo) -> u64 {
     info.last_step.map_or(0, |step| step.div_ceil(info.manifest.provenance.record_every_steps) + 1)
 }
 
-/// Says where a run goes on.
+/// Prints a notice about the place where a run goes on.
 pub(crate) fn tell_begin(info: &RecordingInfo) {
     let manifest = &info.manifest;
     let step = info.last_step.map_or_else(

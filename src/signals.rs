@@ -16,27 +16,27 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// What stays behind if a second signal ends the process; one for the process, like signals.
+/// Text about things that stay behind if a second signal ends the process; one for the process, like signals.
 static LEFT: Mutex<String> = Mutex::new(String::new());
 
 /// The first flag of this process.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// How long a process may compute after a signal that it does not notice: time of a processor, so that a busy machine ends
-/// nothing early.
+/// Longest computation after a signal that the process does not notice. It is time of a processor, so that a busy
+/// machine ends nothing early.
 const BOUND: Duration = Duration::from_millis(400);
 
-/// How often that is looked at.
+/// Interval at which that computation is measured.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
-/// From when on someone who waits for others on the bus is told so.
+/// Time of waiting for others on the bus after which a person is told.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
 
-/// Whether nothing but finished results would stay if the process ended now.
+/// True if nothing but finished results would stay if the process ended now.
 static LEAVES_NOTHING: AtomicBool = AtomicBool::new(false);
 
-/// Says whether nothing but finished results would stay if the process ended from now on. Then one that computes for [`BOUND`] after
-/// the first signal is ended.
+/// Sets whether nothing but finished results would stay if the process ended from now on. If so, a process that
+/// computes for [`BOUND`] after the first signal is ended.
 pub(crate) fn leaves_nothing(it_does: bool) {
     LEAVES_NOTHING.store(it_does, Ordering::Relaxed);
 }
@@ -76,7 +76,8 @@ fn leave() -> ! {
     low_level::exit(3)
 }
 
-/// Says what others on the bus keep this process waiting, and goes on with that until it is asked to stop.
+/// Prints a notice about others on the bus that keep this process waiting. The wait goes on until the process is
+/// asked to stop.
 pub(crate) fn while_waiting(waiting: &bus::Waiting) -> ControlFlow<()> {
     static TOLD: AtomicBool = AtomicBool::new(false);
     if STOP.get().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
@@ -135,7 +136,7 @@ fn obey_hangup(stop: &Arc<AtomicBool>) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether whoever started us, such as `nohup`, wants the signal to be ignored.
+/// True if the caller of this process, such as `nohup`, wants the signal to be ignored.
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -143,7 +144,7 @@ fn is_ignored(signal: i32) -> bool {
     mask & (1 << (signal - 1)) != 0
 }
 
-/// Says what stays behind if the process is ended at once from now on.
+/// Sets the text about things that stay behind if the process is ended at once from now on.
 pub(crate) fn would_leave(what: String) {
     *LEFT.lock().unwrap_or_else(PoisonError::into_inner) = what;
 }

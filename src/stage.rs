@@ -1,4 +1,4 @@
-//! What goes on while frames are published: pace, pauses, keys, the progress line. `run` and `replay` share it.
+//! Control of frames while they are published: pace, pauses, keys, the progress line. `run` and `replay` share it.
 
 use crate::args::Pace;
 use crate::display::{self, count, seconds};
@@ -19,24 +19,24 @@ use std::time::{Duration, Instant};
 /// Between two looks at the clock.
 const CLOCK_EVERY: Duration = Duration::from_millis(1);
 
-/// What a person may want to know.
+/// Help about the keys, beside the progress line.
 const KEYS: [&str; 4] = ["space pauses", "→ one frame", "+ - pace", "q quits"];
 const KEYS_WITH_SEEK: [&str; 7] =
     ["space pauses", "→ one frame", "← back", "[ ] jump", "Home", "+ - pace", "q quits"];
 
-/// How a stage begins.
+/// Beginning of a stage.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Begin {
     pub(crate) pace: Pace,
-    /// Whether it is paused after its first frame.
+    /// True if it is paused after its first frame.
     pub(crate) is_paused: bool,
     /// The step of its first frame.
     pub(crate) step: u64,
-    /// Whether the keys may lead to another place.
+    /// True if the keys may lead to another place.
     pub(crate) can_seek: bool,
 }
 
-/// What a stage hands on to the next one and to the summary.
+/// Outcome of a stage, for the next one and for the summary.
 pub(crate) struct Left {
     /// The pace that was set last.
     pub(crate) pace: Pace,
@@ -47,7 +47,7 @@ pub(crate) struct Left {
     pub(crate) dropped: Dropped,
     /// Wall time, pauses included.
     pub(crate) wall: Duration,
-    /// How much of it was paused.
+    /// Wall time of the pauses.
     pub(crate) paused: Duration,
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct Stage<'a> {
     clock: Clock,
     refreshed: Instant,
     first_step: u64,
-    /// Since when it is paused.
+    /// Start of the present pause.
     paused_since: Option<Instant>,
     paused: Duration,
     /// Simulated time (s) at which the pace counts on after the pause.
@@ -74,7 +74,7 @@ pub(crate) struct Stage<'a> {
     seeks: Vec<Seek>,
     /// Step and time (s) of the frame that was published last.
     last: (u64, f64),
-    /// What the progress line says at its end.
+    /// Text at the end of the progress line.
     pub(crate) note: String,
     dropped: Dropped,
 }
@@ -135,7 +135,7 @@ impl<'a> Stage<'a> {
         self.last = (frame.step, frame.time_s);
     }
 
-    /// Whether it is time to show progress.
+    /// True if it is time to show progress.
     pub(crate) fn is_due(&mut self) -> bool {
         self.clock.look().is_some_and(|now| now.duration_since(self.refreshed) >= REFRESH)
     }

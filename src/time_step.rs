@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 use producer::time_step::{Pilot, Progress};
 use schemas::config::RunConfig;
 
-/// What `--dt` asks for.
+/// Time step that `--dt` asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum TimeStep {
     /// A step in seconds.

@@ -17,19 +17,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use storage::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent, is_url};
 
-/// Where a recording is written before it is behind its URL.
+/// Place of a recording until it is behind its URL.
 #[derive(Debug, Clone)]
 pub(crate) struct Spool {
     directory: PathBuf,
     /// The recording, as long as it is here.
     pub(crate) file: PathBuf,
     url: PathBuf,
-    /// It is written in parts.
+    /// True if it is written in parts.
     is_split: bool,
 }
 
 impl Spool {
-    /// Of a recording `out` that goes to a URL; none of one that goes to a file.
+    /// Makes one for a recording `out` that goes to a URL; none for one that goes to a file.
     pub(crate) fn of(
         out: Option<&Path>,
         directory: Option<&Path>,
@@ -89,7 +89,7 @@ impl Spool {
         Errand { growing: names.partial, file: names.whole, url: of(&self.url) }
     }
 
-    /// How to send what stays here if it is not finished.
+    /// Advice on how to send an unfinished recording that stays here.
     pub(crate) fn advice(&self) -> String {
         let Errand { growing, url, .. } = self.errand(1);
         format!("`beadline upload {} {}` recovers and sends it", growing.display(), url.display())
@@ -103,7 +103,7 @@ impl Spool {
     }
 }
 
-/// Where recordings wait by default: in the user's cache.
+/// Default directory of waiting recordings: in the user's cache.
 fn default_directory() -> PathBuf {
     let cache = env::var_os("XDG_CACHE_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
     let cache = cache.or_else(|| Some(PathBuf::from(env::var_os("HOME")?).join(".cache")));
@@ -152,15 +152,15 @@ pub(crate) fn wait(sender: Sender, all_bytes: u64, is_to_stop: impl Fn() -> bool
     sender.finish()
 }
 
-/// What came of sending a recording.
+/// Outcome of sending a recording.
 pub(crate) struct Uploaded {
     outcome: Outcome,
-    /// What was not sent.
+    /// Files that were not sent.
     left: Vec<Errand>,
 }
 
 impl Uploaded {
-    /// Whether everything is where it was to go.
+    /// True if every file is at its destination.
     pub(crate) fn is_whole(&self) -> bool {
         self.outcome.error.is_none() && self.left.is_empty()
     }
@@ -178,7 +178,7 @@ impl Uploaded {
         })
     }
 
-    /// Says what was not sent, why, and what to do.
+    /// Prints a notice about each file that was not sent: the reason, and what to do.
     pub(crate) fn tell(&self) {
         if let Some(error) = &self.outcome.error {
             notice!("{}", in_words(error));

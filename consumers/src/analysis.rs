@@ -471,7 +471,7 @@ impl Words {
 pub struct Refusal {
     /// The setting that is wrong and its value, if one is.
     pub setting: Option<(&'static str, String)>,
-    /// What is wrong, what is allowed, what to do.
+    /// The error, the allowed values, and what to do.
     pub why: String,
 }
 

@@ -36,7 +36,7 @@ pub struct ContactCounts {
 }
 
 impl Contacts {
-    /// For the frames of `manifest`'s run; `tolerance_m` in m.
+    /// Makes one for the frames of `manifest`'s run; `tolerance_m` in m.
     pub fn new(manifest: &RunManifest, tolerance_m: f64) -> Self {
         let chain = manifest.physics.chain();
         Self { classes: vec![TOUCHING; chain.contact_count()], tolerance_m, chain }

@@ -73,7 +73,7 @@ pub struct Deformation {
     pub continuum: Result<Comparison, String>,
 }
 
-/// Why the shape of a pulse is not known.
+/// Reason why the shape of a pulse is not known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Untold {
     /// No pulse came.

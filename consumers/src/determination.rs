@@ -64,7 +64,7 @@ pub struct Determination {
     physics: Physics,
     tolerance: f64,
     split_bead: u64,
-    /// By how much the moved twin was moved, in units of v0.
+    /// Initial difference of the moved twin from the run, in units of v0.
     moved_by: f64,
     /// The run, the halved, the quartered and the moved twin.
     siblings: [Sibling; 4],
@@ -94,7 +94,8 @@ pub struct Outcome {
 }
 
 impl Determination {
-    /// For `manifest`'s run, which `split_bead` divides; `moved_by_m_s` is by how much the moved twin differs at first.
+    /// Makes one for `manifest`'s run, which `split_bead` divides; `moved_by_m_s` is the initial difference of the moved
+    /// twin.
     pub fn new(manifest: &RunManifest, split_bead: u64, tolerance: f64, moved_by_m_s: f64) -> Self {
         let physics = &manifest.physics;
         Self {

@@ -93,7 +93,7 @@ pub struct Energies {
 #[expect(clippy::struct_field_names, reason = "units stand in names")]
 struct Balance {
     initial_j: f64,
-    /// By how much it was off at most (J).
+    /// Its largest error (J).
     off_j: f64,
     /// Its largest term (J).
     largest_j: f64,
@@ -146,7 +146,7 @@ pub fn default_split_bead(manifest: &RunManifest) -> u64 {
 }
 
 impl Energies {
-    /// For the frames of `manifest`'s run, divided at `split_bead`, a bead of the chain.
+    /// Makes one for the frames of `manifest`'s run, divided at `split_bead`, a bead of the chain.
     pub fn new(manifest: &RunManifest, split_bead: u64) -> Self {
         let chain = manifest.physics.chain();
         Self {

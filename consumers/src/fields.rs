@@ -51,13 +51,13 @@ impl Field {
         }
     }
 
-    /// How many values it has: one a bead or one a contact.
+    /// Number of values: one a bead or one a contact.
     pub fn place_count(self, manifest: &RunManifest) -> usize {
         let contacts = manifest.contact_count();
         if self == Self::Overlap { contacts } else { contacts + 1 }
     }
 
-    /// What has a value: `bead` or `contact`.
+    /// Kind of a place that has a value: `bead` or `contact`.
     pub fn place(self) -> &'static str {
         if self == Self::Overlap { "contact" } else { "bead" }
     }
@@ -75,7 +75,7 @@ impl Field {
         })
     }
 
-    /// How far the values in `frame` are from those at rest: all of it, but for overlaps of a loaded chain.
+    /// Differences between the values in `frame` and those at rest. They equal the values, but for overlaps of a loaded chain.
     pub fn deviations<'a>(self, chain: &'a Chain, frame: &Frame<'a>) -> impl Iterator<Item = f64> + use<'a> {
         let u_m = frame.u_m;
         let closer = move |contact: usize| u_m[contact] - u_m[contact + 1];

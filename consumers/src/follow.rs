@@ -4,7 +4,7 @@ use schemas::frame::{EndReason, Frame, FrameSource, Received, Window};
 
 /// Something that looks at frames one by one.
 pub trait FrameObserver {
-    /// What goes wrong in it, such as a disk that is full.
+    /// Error of the observer, such as a disk that is full.
     type Error: std::error::Error + Send + Sync + 'static;
 
     /// Looks at the next frame.
@@ -17,7 +17,7 @@ pub trait FrameObserver {
     fn gap(&mut self) {}
 }
 
-/// What a source delivered.
+/// Account of a source's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tally {
     /// Frames received.
@@ -28,7 +28,7 @@ pub struct Tally {
     pub first_frame: Option<u64>,
     /// Last frame received.
     pub last_frame: Option<u64>,
-    /// Why it ended.
+    /// Reason why it ended.
     pub end: EndReason,
     /// It ended because no more was asked for: the window ends before the source does.
     pub ended_as_asked: bool,
@@ -48,7 +48,7 @@ impl Default for Tally {
     }
 }
 
-/// Why a source could not be followed to its end.
+/// Reason why a source could not be followed to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum FollowError<S: std::error::Error + 'static, A: std::error::Error + 'static> {
     /// The source failed; results before stay valid.

@@ -64,7 +64,7 @@ pub struct Event {
     pub bead: u64,
     /// The kind of event.
     pub kind: EventKind,
-    /// When (s), interpolated.
+    /// Time (s), interpolated.
     pub time_s: f64,
     /// Displacement of the bead then (m), interpolated.
     pub u_m: f64,

@@ -26,7 +26,7 @@ pub const CHECKSUM_BYTES: usize = 9;
 /// Longest line that is read.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
-/// What table a journal belongs to.
+/// Table that a journal belongs to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JournalHead {
     /// Identity of the rows' origin; two tables of one identity have the same rows.
@@ -40,13 +40,13 @@ pub struct JournalHead {
 pub struct Entry {
     /// Number of the row in the table.
     pub index: u64,
-    /// How long it took (s): no part of the table.
+    /// Wall time that the row took (s): no part of the table.
     pub wall_s: f64,
     /// A value for each column.
     pub cells: Vec<Cell>,
 }
 
-/// Why a journal cannot be used.
+/// Reason why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// It belongs to another table.
@@ -78,7 +78,7 @@ pub enum JournalError {
     Io {
         /// The journal.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -101,7 +101,7 @@ pub struct Journal {
 #[derive(Debug)]
 struct Unsynced {
     count: u64,
-    /// When the first of them was written.
+    /// Time at which the first of them was written.
     since: Instant,
 }
 
@@ -126,12 +126,12 @@ struct Skimmed {
     cells: Vec<IgnoredAny>,
 }
 
-/// What was found on the way through a journal.
+/// Findings on the way through a journal.
 #[derive(Debug, Default)]
 struct Walked {
     /// Lines that are damaged, the torn last one not counted.
     damaged_count: u64,
-    /// Where the last whole line ends.
+    /// End of the last whole line.
     whole_bytes: u64,
 }
 
@@ -303,7 +303,7 @@ fn walk<E: From<JournalError>>(
     }
 }
 
-/// Whether the journal was begun whose first line, up to `position`, is `line`.
+/// True if the journal has a head. `line` is its first line, which ends at `position`.
 fn begins(
     reader: &mut impl BufRead,
     (line, position): (&[u8], u64),

@@ -1,4 +1,4 @@
-//! From frames to results.
+//! Analyses: from frames to results.
 //!
 //! An analysis takes frames one by one and cannot tell a live run, a replay, a file or a
 //! re-simulation apart: [`follow::follow`] is the one loop that reads a source. Each analysis is a

@@ -1,4 +1,4 @@
-//! How the energy lies along a chain: that of each bead, with its share of its contacts.
+//! Energy along a chain: that of each bead, with its share of the energy of its contacts.
 
 use schemas::chain::Chain;
 use schemas::frame::Frame;

@@ -166,13 +166,13 @@ pub struct Pulse {
     pub number: u64,
     /// Its direction.
     pub direction: Direction,
-    /// When its crest passed its first bead (s).
+    /// Time (s) at which its crest passed its first bead.
     pub birth_time_s: f64,
     /// Its first bead.
     pub birth_bead: u64,
     /// Its origin.
     pub birth: Birth,
-    /// When its crest passed its last bead (s).
+    /// Time (s) at which its crest passed its last bead.
     pub end_time_s: f64,
     /// Its last bead.
     pub end_bead: u64,

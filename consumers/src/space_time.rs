@@ -18,7 +18,7 @@ pub trait Cell: Copy {
     /// The value that every other outranks.
     const REST: Self;
 
-    /// Whether it is shown rather than `other`.
+    /// True if it is shown rather than `other`.
     fn outranks(self, other: Self) -> bool;
 }
 

@@ -1,4 +1,4 @@
-//! What many values of one quantity have in common.
+//! Statistics of many values of one quantity.
 
 /// The parts of the values that lie below the [`Statistics::quantiles`].
 pub const QUANTILES: [f64; 4] = [0.05, 0.25, 0.75, 0.95];
@@ -6,7 +6,7 @@ pub const QUANTILES: [f64; 4] = [0.05, 0.25, 0.75, 0.95];
 /// Mean, scatter and order of some values, in their unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Statistics {
-    /// How many values.
+    /// Number of values.
     pub count: u64,
     /// `Σx/n`.
     pub mean: f64,
@@ -19,7 +19,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Of `values` that are finite; none if there is none. Sums are in the order given.
+    /// Makes them for those `values` that are finite; none if there is none. Sums are in the order given.
     ///
     /// ```
     /// use consumers::statistics::Statistics;

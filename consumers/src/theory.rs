@@ -33,7 +33,7 @@ pub use coefficients::{Coefficients, ScaleError, Strength, WaveScale};
 pub use continuum::{ContinuumWave, GaussianLimit};
 pub use solitary::SolitaryWave;
 
-/// Why there is no wave of an exponent.
+/// Reason why there is no wave of an exponent.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum WaveError {
     /// No such wave exists, or it is out of reach of the numerical method.

@@ -14,7 +14,7 @@ use std::ops::Div;
 pub struct Uncertain {
     /// The value.
     pub value: f64,
-    /// How far it may be off, in the same unit: 0 if it is exact, NaN or infinite if nobody knows.
+    /// Uncertainty in the same unit: 0 if the value is exact, NaN or infinite if nobody knows.
     pub plus_minus: f64,
 }
 
@@ -38,7 +38,7 @@ impl Uncertain {
         Self { value, plus_minus: f64::NAN }
     }
 
-    /// How far the value may be off, as a part of it.
+    /// Uncertainty as a part of the value.
     pub fn relative(self) -> f64 {
         self.plus_minus / self.value
     }
@@ -60,7 +60,7 @@ impl Uncertain {
         write_to(self.value, last)
     }
 
-    /// What it may be off by, with two digits; empty if that is not known.
+    /// The uncertainty, with two digits; empty if it is not known.
     pub fn plus_minus_text(self) -> String {
         match self.plus_minus {
             0.0 => "0".to_owned(),

@@ -12,7 +12,7 @@ use std::error::Error;
 use std::io;
 use std::path::Path;
 
-/// Why something did not work; becomes an exception where the interpreter is held.
+/// Reason why something did not work; becomes an exception where the interpreter is held.
 #[derive(Debug, Default)]
 pub(crate) struct Why {
     class: &'static str,

@@ -1,4 +1,4 @@
-//! What states hold: fields along the chain, and parts of them.
+//! Contents of states: fields along the chain, and parts of them.
 
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray as _};
 use pyo3::exceptions::PyValueError;
@@ -62,7 +62,7 @@ fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
     chain.damped_n(elastic_n, chain.overlap_m(frame.u_m, contact), rate_m_s, damping.coefficient[contact])
 }
 
-/// What is asked for.
+/// Values that are asked for.
 pub(crate) enum Wanted<'a> {
     /// All doubles of a state: displacements, velocities, what else the method needs.
     States(&'a RunManifest),

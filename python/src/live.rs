@@ -52,7 +52,7 @@ impl Stop {
     }
 }
 
-/// What stays the same while a run goes.
+/// Constant properties of a run.
 struct Run {
     name: RunName,
     json: String,
@@ -129,7 +129,7 @@ impl Frame {
         self.state().time_s
     }
 
-    /// How many frames right before this one did not come: 0, except with ``latest``.
+    /// Number of frames right before this one that did not come: 0, except with ``latest``.
     #[getter]
     fn missed(&self) -> u64 {
         self.missed
@@ -147,7 +147,7 @@ impl Frame {
         Self::view(slf, slf.get().state().v_m_s)
     }
 
-    /// What else the method carries.
+    /// Further values that the method carries.
     #[getter]
     fn extra<'py>(slf: &Bound<'py, Self>) -> Array<'py> {
         Self::view(slf, slf.get().state().extra)
@@ -195,7 +195,7 @@ struct Stream {
     /// The process that is attached; one that was forked from it is not.
     process: u32,
     source: Option<LiveSource>,
-    /// What came while somebody only waited for it.
+    /// Frame that came while somebody only waited for it.
     ahead: Option<Frame>,
     held: Vec<Weak<Shared>>,
     next_frame: u64,
@@ -334,19 +334,19 @@ impl Live {
         self.run.first_frame
     }
 
-    /// How many frames did not come.
+    /// Number of frames that did not come.
     #[getter]
     fn missed(&self) -> u64 {
         self.missed.load(Ordering::Relaxed)
     }
 
-    /// How it ended, ``None`` while it goes.
+    /// Kind of its end, ``None`` while it goes.
     #[getter]
     fn end(&self) -> Option<&'static str> {
         self.end.get().map(|reason| reason.as_str())
     }
 
-    /// How many frames are published that have not been taken.
+    /// Number of published frames that have not been taken.
     #[getter]
     fn behind(&self, py: Python<'_>) -> u64 {
         py.detach(|| self.stream().source.as_ref().map_or(0, LiveSource::behind))

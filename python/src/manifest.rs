@@ -12,7 +12,7 @@ use schemas::presets::PRESETS;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What [`Manifest::from_json`] takes.
+/// Arguments of [`Manifest::from_json`].
 type Arguments<'py> = (Bound<'py, PyBytes>, Option<String>);
 
 /// A validated run.
@@ -107,7 +107,7 @@ impl Manifest {
         self.run.frame_doubles()
     }
 
-    /// Whether there are resonators, dissipated work, and how many drives.
+    /// Presence of resonators, presence of dissipated work, and number of drives.
     #[getter]
     fn rows(&self) -> (bool, bool, usize) {
         let rows = self.chain.rows;

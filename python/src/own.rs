@@ -9,7 +9,7 @@ use schemas::frame::Frame;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-/// For each name the function that begins to look at a run.
+/// The function of each name that begins to look at a run.
 static BEGIN: Mutex<BTreeMap<&'static str, Py<PyAny>>> = Mutex::new(BTreeMap::new());
 
 /// The first exception since the last look.

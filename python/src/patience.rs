@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
-/// How often signals are looked at.
+/// Interval at which signals are looked at.
 pub(crate) const LOOK: Duration = Duration::from_millis(50);
 
 /// Wakes the thread that waits when it is dropped: at the end of work, also of work that panics.
@@ -71,11 +71,11 @@ pub(crate) fn stoppable<T: Send>(
     })
 }
 
-/// For work in the thread that Python called, which is asked now and then whether to go on.
+/// Looks for signals during work in the thread that Python called. The work asks it now and then whether to go on.
 pub(crate) struct Looks {
     last: Instant,
     calls: u32,
-    /// What a signal or a callback has raised.
+    /// Exception that a signal or a callback has raised.
     raised: Option<PyErr>,
 }
 
@@ -87,7 +87,7 @@ impl Looks {
         Self { last: Instant::now(), calls: 0, raised: None }
     }
 
-    /// Whether to go on; every 50 ms signals are looked at, and `tell` is called.
+    /// True if the work may go on. Every 50 ms it looks at signals and calls `tell`.
     pub(crate) fn go_on(&mut self, tell: impl FnOnce(Python<'_>) -> PyResult<()>) -> bool {
         self.calls += 1;
         if self.raised.is_none() && self.calls >= Self::CALLS {
@@ -105,12 +105,12 @@ impl Looks {
         self.raised = Python::attach(call).err();
     }
 
-    /// Whether something was raised.
+    /// True if something was raised.
     pub(crate) fn has_raised(&self) -> bool {
         self.raised.is_some()
     }
 
-    /// What was raised, if anything.
+    /// Gives the exception that was raised, if any, as an error.
     pub(crate) fn end(self) -> PyResult<()> {
         self.raised.map_or(Ok(()), Err)
     }

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What Python wants to hear while a run goes.
+/// Callbacks of Python while a run goes.
 struct Listener {
     looks: Looks,
     /// Called with the step that was reached.
@@ -81,7 +81,7 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
     }
 }
 
-/// Where frames go that somebody may listen to.
+/// Destination of frames that somebody may listen to.
 enum Publisher {
     Nobody,
     Bus(Box<StatePublisher>),
@@ -242,7 +242,7 @@ pub(crate) struct Simulation {
     manifest: Arc<RunManifest>,
     integrator: Integrator,
     state: ChainState,
-    /// What was lent, and is kept up to date: displacements, velocities.
+    /// Arrays that were lent, and are kept up to date: displacements, velocities.
     lent: [Option<Py<PyArray1<f64>>>; 2],
 }
 

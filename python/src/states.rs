@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What costs less than this many steps of beads is done at once, by the calling thread.
+/// The calling thread does work of fewer steps of beads than this at once, by itself.
 const LITTLE_WORK: u64 = 1_000_000;
 
 /// Fewest steps that one thread takes at a time.
@@ -39,7 +39,7 @@ pub(crate) struct States {
     manifest: Manifest,
     first_step: u64,
     last_step: u64,
-    /// Why only kept states can be had, if so.
+    /// Reason why only kept states can be had, if so.
     other_kernel: Option<OtherKernel>,
     /// Readers that nobody uses now, and the process that they are of.
     idle: Mutex<(u32, Vec<Reader>)>,
@@ -63,7 +63,7 @@ fn forget_others((process, readers): &mut (u32, Vec<Reader>)) {
 /// Steps, doubles (a row a state), and how the run ended.
 type KeptStates<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>, &'static str);
 
-/// Where states are.
+/// Place of the states.
 enum Kept {
     File(Box<RecordingInfo>),
     Memory(Arc<Vec<ChainState>>, EndReason),
@@ -116,7 +116,7 @@ impl States {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).1.push(reader);
     }
 
-    /// Whether the state of `step` is kept, if nothing is missing.
+    /// True if the state of `step` is kept, provided that nothing is missing.
     fn is_kept(&self, step: u64) -> bool {
         self.run().is_recorded(step) || step == self.first_step || step == self.last_step
     }
@@ -271,7 +271,7 @@ impl States {
         Ok(())
     }
 
-    /// What is wanted of the states at `steps`: a row a step.
+    /// Wanted values of the states at `steps`: a row a step.
     fn rows<'py>(
         &self,
         py: Python<'py>,
@@ -343,13 +343,13 @@ impl States {
         self.last_step
     }
 
-    /// Whether the steps between kept ones can be had.
+    /// True if the steps between kept ones can be had.
     #[getter]
     fn recomputes(&self) -> bool {
         self.other_kernel.is_none()
     }
 
-    /// What there is, in words and numbers.
+    /// Description of the states, in words and numbers.
     fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let about = PyDict::new(py);
         match &self.kept {

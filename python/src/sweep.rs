@@ -93,7 +93,7 @@ impl Sweep {
         self.sweep.point_count()
     }
 
-    /// Whether the file asks for recordings.
+    /// True if the file asks for recordings.
     #[getter]
     fn record(&self) -> bool {
         self.sweep.record()

@@ -11,7 +11,7 @@ use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
 
-/// Where frames come from, and which of them: for all commands that read frames.
+/// Source and choice of frames, for all commands that read frames.
 #[derive(Debug, Clone, Args)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct FramesArgs {
@@ -51,7 +51,7 @@ pub(crate) struct FramesArgs {
     pub(crate) json: bool,
 }
 
-/// What every analysis takes.
+/// Arguments of every analysis.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct AnalysisArgs {
     #[command(flatten)]

@@ -20,7 +20,7 @@ pub(crate) fn subjects() -> PossibleValuesParser {
     PossibleValuesParser::new(fields.into_iter().chain(analyses))
 }
 
-/// How figures look: for all commands that draw.
+/// Look of figures, for all commands that draw.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct LookArgs {
     /// Size of figures: a column of a journal (86 mm), a page (178 mm), or a slide (254 mm, 16:9) [default: column]
@@ -59,7 +59,7 @@ pub(crate) enum SizeArg {
     Slide,
 }
 
-/// What lies around a curve of a table.
+/// Band around a curve of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BandArg {
     /// The mean, and its standard error on both sides
@@ -77,7 +77,7 @@ pub(crate) enum AxisArg {
     None,
 }
 
-/// How colours follow numbers.
+/// Scale of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ColoursArg {
     /// By the logarithm, so that weak pulses are seen beside strong ones
@@ -116,7 +116,7 @@ pub(crate) struct PlotArgs {
     /// The subject, of a run or a recording
     #[arg(long, value_parser = subjects())]
     pub(crate) what: Option<String>,
-    /// Of a table: the column of the x axis [default: the swept column with most values]
+    /// The column of the x axis of a table [default: the swept column with most values]
     #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
     pub(crate) x: Option<String>,
     /// The column of the y axis, repeatable [default: the first result that differs from row to row]
@@ -128,7 +128,7 @@ pub(crate) struct PlotArgs {
     /// This column in colours over two swept ones
     #[arg(long, value_name = "COLUMN", help_heading = TABLES, conflicts_with_all = ["by", "band"])]
     pub(crate) heat: Option<String>,
-    /// What lies around a curve: `standard-error` around the mean (as --band alone) or `quantiles` around the median
+    /// Band around a curve: `standard-error` around the mean (as --band alone) or `quantiles` around the median
     #[arg(
         long,
         value_enum,
@@ -152,11 +152,11 @@ pub(crate) struct PlotArgs {
     /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
     #[arg(long, value_name = "A..B")]
     pub(crate) beads: Option<BeadRange>,
-    /// How the colours of a map follow the numbers [default: linear for displacements, log for the others]
+    /// Scale of the colours of a map [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]
     pub(crate) colours: Option<ColoursArg>,
-    /// Where the colours of a map end, in m/s, m or J: on both sides of 0 or, as MIN..MAX, one on each [default: with the
-    /// values], so that several maps can be compared
+    /// Ends of the colours of a map, in m/s, m or J, so that several maps can be compared: on both sides of 0 or, as
+    /// MIN..MAX, one on each [default: with the values]
     #[arg(
         long,
         value_name = "MAX|MIN..MAX",

@@ -5,7 +5,7 @@ use recording::Split;
 use std::fmt;
 use std::num::NonZero;
 
-/// How fast a run goes.
+/// Pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pace {
     /// As fast as possible.
@@ -46,7 +46,7 @@ pub(super) fn parse_jobs(text: &str) -> Result<NonZero<usize>, String> {
     jobs.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
 }
 
-/// What stands in a line of a script for sbatch.
+/// Parses a line of a script for sbatch.
 pub(super) fn parse_directive(text: &str) -> Result<String, String> {
     let is_line = !text.is_empty() && !text.contains(char::is_control);
     is_line.then(|| text.to_owned()).ok_or_else(|| "expected one line".to_owned())
@@ -115,7 +115,7 @@ pub(super) fn parse_impurity(text: &str) -> Result<Option<(u64, f64)>, String> {
     if text == "none" { Ok(None) } else { parse_pair(text).map(Some) }
 }
 
-/// Where colours end: below 0 or at it, and above 0 or at it.
+/// Ends of colours: one at or below 0, the other at or above 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ColourRange {
     pub(crate) from: f64,

@@ -201,7 +201,7 @@ impl Processes {
         Ok(())
     }
 
-    /// Whether processes run, and none has failed. One that has comes first from then on: the others may be waiting for it.
+    /// True if processes run and none has failed. A failed one comes first from then on: the others may be waiting for it.
     fn is_under_way(&mut self) -> Result<bool, Failure> {
         let mut runs = false;
         for index in 0..self.running.len() {

@@ -182,7 +182,7 @@ fn nothing_to_export(args: &ExportArgs) -> Failure {
     bad_input!("{}: there is no state in this part of the run{advice}", args.file)
 }
 
-/// What was exported.
+/// Summary of an export.
 struct Exported {
     states: u64,
     steps: (u64, u64),

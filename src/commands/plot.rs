@@ -116,7 +116,7 @@ fn places(args: &PlotArgs, field: Field, manifest: &RunManifest) -> Result<Range
     }
 }
 
-/// When a profile is drawn.
+/// Time of a profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Moment {
     /// The first frame at or after a time (s).
@@ -204,7 +204,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     session.report(&tally, field.as_str(), rows, results)
 }
 
-/// Says why the state of `step` did not come.
+/// The failure that tells why the state of `step` did not come.
 fn absent(manifest: &RunManifest, step: u64, tally: &Tally) -> Failure {
     let (frame, time_s) = (manifest.frame_at(step), manifest.physics.time_s(step));
     let wanted = format!("frame {frame} ({} s)", display::number(time_s));

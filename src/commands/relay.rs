@@ -25,7 +25,7 @@ pub(crate) fn relay(_: &RelayArgs) -> Result<Done, Failure> {
     ))
 }
 
-/// What the user called an endpoint.
+/// Parses an endpoint as the user named it.
 #[cfg(feature = "relay")]
 fn endpoint(flag: &str, text: &str) -> Result<::relay::wire::Endpoint, Failure> {
     text.parse().map_err(|error| bad_input!("{flag}: {error}"))

@@ -87,7 +87,7 @@ fn plan(file: &Path, args: &SweepArgs) -> Result<Done, Failure> {
     Ok(Done::Whole)
 }
 
-/// What a sweep leaves behind, in numbers.
+/// Numbers about a sweep that has ended.
 #[derive(Serialize)]
 struct Summary<'a> {
     /// The sweep file.

@@ -30,21 +30,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) struct Verified {
     path: PathBuf,
     file_bytes: u64,
-    /// A process that lives goes on with it.
+    /// True if a living process goes on with it.
     is_being_written: bool,
     found: Verification,
-    /// It was asked to stop before the rows of results were compared.
+    /// True if it was asked to stop before the rows of results were compared.
     is_stopped: bool,
-    /// The file before it was named, too.
+    /// True if the file before it was named, too.
     is_later_part: bool,
-    /// Whether it is the part that follows the file before or, if there is none and it begins later than the run, what
-    /// the run leads to.
+    /// Result of comparing its begin with the end of the file before. Without a file before, and if it begins later than
+    /// the run, the result of comparing its begin with the run.
     follows: Option<Follows>,
     /// The rows of results, against the states.
     rows: Vec<RowsChecked>,
     /// The configuration, against the manifest.
     toml: RunToml,
-    /// What in the manifest decides nothing and is wrong.
+    /// Error in a part of the manifest that decides nothing.
     idle: Option<String>,
 }
 
@@ -128,7 +128,7 @@ impl Verified {
             && self.follows.as_ref().is_none_or(Follows::is_proven)
     }
 
-    /// Whether this program finds nothing wrong with the file.
+    /// True if this program finds nothing wrong with the file.
     fn is_sound(&self) -> bool {
         self.found.is_sound_so_far()
             && self.rows.iter().all(|rows| rows.difference_count == 0)
@@ -140,7 +140,7 @@ impl Verified {
         self.is_sound() && self.found.is_proven_so_far()
     }
 
-    /// Whether something in it is wrong, rather than not known.
+    /// True if something in it is wrong, rather than not known.
     pub(crate) fn is_refuted(&self) -> bool {
         !self.is_sound() || matches!(self.follows, Some(Follows::Differs(_) | Follows::Not(_)))
     }
@@ -170,7 +170,7 @@ impl Verified {
         }
     }
 
-    /// What is wrong, for people.
+    /// Adds rows about the errors of the file, for people.
     pub(crate) fn add_refutations(&self, rows: &mut Rows) {
         let found = &self.found;
         rows.each("differs", &found.differences);
@@ -207,7 +207,7 @@ impl Verified {
         self.found.damages.iter().filter(move |damage| !is_open_end(damage))
     }
 
-    /// What to do with a file that is not whole.
+    /// Advice about a file that is not whole.
     fn advice(&self) -> Vec<String> {
         let (found, path) = (&self.found, self.path.display());
         if self.is_being_written {
@@ -260,7 +260,7 @@ fn text(file: &Verified) -> String {
     rows.under(format_args!("{}: {}", manifest.provenance.name, file.verdict()))
 }
 
-/// What the first state follows.
+/// Describes the first state, and the state before it.
 fn begin(file: &Verified, first: u64) -> String {
     let found = &file.found;
     if first == 0 {

@@ -47,7 +47,7 @@ pub(crate) struct Plan {
     /// Time of a point (s): the least, the median, the most.
     point_s: [f64; 3],
     core_hours: f64,
-    /// To read the sweep file and check its points (s), in each process.
+    /// Time (s) to read the sweep file and check its points, in each process.
     start_s: f64,
     /// Bytes of a row.
     row_bytes: Sizes,
@@ -78,7 +78,7 @@ struct OnCores {
     wall_s: f64,
 }
 
-/// Why more than so many cores are of no use, or need something else.
+/// Number of cores beyond which more are of no use, or need something else; and the reason.
 #[derive(Debug, Serialize)]
 struct Limit {
     cores: u64,
@@ -92,7 +92,7 @@ struct Tried {
 }
 
 impl Plan {
-    /// For `sweep`, which took `start` to read, on `cores` or some usual numbers of them.
+    /// Plans `sweep`, which took `start` to read, on `cores` or some usual numbers of them.
     ///
     /// # Errors
     /// When no point can be computed, or there is no place for temporary files.

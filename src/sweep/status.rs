@@ -256,7 +256,7 @@ impl Trace {
         trace
     }
 
-    /// When the last attempt began; none if no clock can have said so.
+    /// Time at which the last attempt began; none if no clock can have said so.
     fn begun(&self) -> Option<SystemTime> {
         SystemTime::UNIX_EPOCH.checked_add(Duration::try_from_secs_f64(self.begun_s).ok()?)
     }

@@ -194,7 +194,7 @@ struct Known {
 }
 
 impl Known {
-    /// Of a pulse that could be measured.
+    /// Makes one if the pulse could be measured.
     fn new(deformation: &Deformation, manifest: &RunManifest, drift: f64) -> Option<Self> {
         let shape = deformation.measured.as_ref().ok()?;
         let (halved, halved_speed) = &deformation.halved;

@@ -208,7 +208,7 @@ fn add_reflection(words: &mut Words, reflection: &Reflection, split_bead: u64) {
     );
 }
 
-/// Whether and since when the reflected energy is stationary.
+/// Tells whether and since when the reflected energy is stationary.
 fn stationary(reflection: &Reflection, energies: &Reflected) -> String {
     let met = reflection.met_end.map(|(bead, moment)| format!("a front met bead {bead}, {}", at(moment)));
     match (reflection.stationary_since, met) {

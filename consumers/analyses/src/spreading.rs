@@ -49,7 +49,7 @@ pub struct SpreadingRow {
 }
 
 impl SpreadingRow {
-    /// Of beads with these energies (J). Sums are in the order of the beads.
+    /// Makes one for beads with these energies (J). Sums are in the order of the beads.
     ///
     /// ```
     /// use analyses::spreading::SpreadingRow;

@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A run that was compared with its twins.
 pub struct Compared {
-    /// How far they agree.
+    /// Agreement of the run with its twins.
     pub determination: Determination,
     /// The hash of the last state of the run, as recordings have it.
     pub last_state_hash: String,
-    /// Whether that was asked to stop before the last step.
+    /// True if the comparison was asked to stop before the last step.
     pub stopped: bool,
 }
 

@@ -5,10 +5,10 @@ use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{Ensemble, Sweep};
 use std::collections::BTreeMap;
 
-/// The column of how many points a row is made of.
+/// The column with the number of points that a row is made of.
 pub const COUNT_COLUMN: &str = "count";
 
-/// What is said of each number, before the name of its column.
+/// Prefixes of the columns of statistics of each number.
 const STATISTICS: [&str; 3 + QUANTILES.len()] =
     ["mean_", "standard_error_", "median_", "q05_", "q25_", "q75_", "q95_"];
 
@@ -27,24 +27,24 @@ pub struct EnsembleTable<'a> {
     groups: BTreeMap<u64, Group>,
 }
 
-/// What is kept of the rows of a group.
+/// Values kept of the rows of a group.
 #[derive(Debug, Default)]
 struct Group {
     shared: Vec<Cell>,
     count: u64,
-    /// For each column of numbers those that there are.
+    /// The present values of each column of numbers.
     numbers: Vec<Vec<f64>>,
 }
 
 impl<'a> EnsembleTable<'a> {
-    /// For the rows of `sweep`, if it has an ensemble; `columns` are theirs.
+    /// Makes one for the rows of `sweep`, if it has an ensemble; `columns` are theirs.
     pub fn new(sweep: &Sweep, columns: &'a [Column]) -> Option<Self> {
         let is_number = |place: &usize| columns[*place].kind != Some(Kind::Word);
         let numbers = (sweep.parameters().len()..columns.len()).filter(is_number).collect();
         Some(Self { ensemble: sweep.ensemble()?, columns, numbers, part: 0, groups: BTreeMap::new() })
     }
 
-    /// Whether rows are to come group by group, because there are too many between two of one group.
+    /// True if rows must come group by group, because too many lie between two of one group.
     pub fn is_by_group(&self) -> bool {
         self.ensemble.block() > MOST_ROWS && self.ensemble.block() > self.ensemble.member_count()
     }

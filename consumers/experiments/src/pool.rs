@@ -8,10 +8,10 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// How often the listener hears something, whatever the workers do.
+/// Interval at which the listener hears something, whatever the workers do.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// What a listener hears.
+/// News for a listener.
 #[derive(Debug)]
 pub enum Told<J, T> {
     /// A job is done.
@@ -91,7 +91,7 @@ pub fn share<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
 mod tests {
     use super::*;
 
-    /// What each of ten jobs came to, with two workers.
+    /// Outcomes of ten jobs, with two workers.
     fn outcomes(work: impl Fn(usize) -> Result<Option<usize>, NoThread> + Sync) -> (Vec<String>, bool) {
         let (mut heard, stop) = (Vec::new(), AtomicBool::new(false));
         let ended = share(

@@ -1,4 +1,5 @@
-//! What a configuration names and a run has to hold: tables in files, states of recordings, exact solitary waves.
+//! Loads the things that a configuration names and a run has to hold: tables in files, states of recordings, exact
+//! solitary waves.
 
 mod solitary;
 

@@ -18,19 +18,19 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// How long, in collision times T, the reflected energy must have been stationary for a point to end that ends
-/// when it is: the window in which the uncertainty of the reflected energy is measured.
+/// Time, in collision times T, for which the reflected energy must be stationary before it ends a point. It is the
+/// window in which the uncertainty of the reflected energy is measured.
 const STATIONARY_FOR: f64 = 100.0;
 
-/// What a worker tells and is told while it computes a point.
+/// Messages to and from a worker while it computes a point.
 pub struct Signals<'a> {
     /// Set when the point is to be given up.
     pub stop: &'a AtomicBool,
-    /// How far it is.
+    /// Progress of the point.
     pub at: &'a At,
 }
 
-/// How far a point is.
+/// Progress of a point.
 #[derive(Debug, Default)]
 pub struct At {
     /// Beads of its chain.
@@ -180,7 +180,7 @@ fn results(
     results
 }
 
-/// Why nothing more can be learnt of the reflected energy.
+/// Reason why nothing more can be learnt of the reflected energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Settled {
     /// It has been stationary for [`STATIONARY_FOR`].
@@ -199,12 +199,12 @@ impl Settled {
     }
 }
 
-/// Tells how far a point is, and ends it when asked, or when there is nothing left to find out.
+/// Reports the progress of a point, and ends it when asked, or when nothing is left to find out.
 struct Conduct<'a> {
     signals: &'a Signals<'a>,
-    /// How long (s) the reflected energy must have been stationary to end the point, if that ends it.
+    /// Time (s) for which the reflected energy must be stationary to end the point, if that ends it.
     stationary_for_s: Option<f64>,
-    /// What ended it, unless it was given up.
+    /// Reason for the end, unless the point was given up.
     settled: Option<Settled>,
 }
 
@@ -223,7 +223,7 @@ impl<'a> Conduct<'a> {
         }
     }
 
-    /// Why nothing more can be learnt of the reflected energy, if that ends the point.
+    /// Reason why nothing more can be learnt of the reflected energy, if that ends the point.
     fn settled(&self, energies: &Energies, time_s: f64) -> Option<Settled> {
         let wanted_s = self.stationary_for_s?;
         let reflection = energies.outcome()?.reflection.ok()?;
@@ -274,7 +274,7 @@ mod tests {
         .expect("valid")
     }
 
-    /// In both chains the reflected energy becomes stationary, but in the shorter a front meets an end 4 T later.
+    /// The reflected energy becomes stationary in both chains, but in the shorter a front meets an end 4 T later.
     #[test]
     fn the_end_of_a_point_is_the_condition_that_ended_it() {
         let sweep = sweep(
@@ -299,7 +299,7 @@ mod tests {
         }
     }
 
-    /// Of many points not all are tried before the first is computed: one that cannot be has a row that says why, wherever the
+    /// A sweep starts before it has checked every point. A point that cannot run gets a row with the reason, wherever the
     /// sweep file lies.
     #[test]
     fn the_row_of_an_impossible_point_says_why() {

@@ -1,4 +1,4 @@
-//! For Foxglove, Lichtblick and Rerun: an MCAP file with messages that they show without any setting.
+//! Export for Foxglove, Lichtblick and Rerun: an MCAP file with messages that they show without any setting.
 
 mod cloud;
 mod colour;
@@ -41,7 +41,7 @@ pub(super) struct Foxglove {
 #[derive(Debug, Default)]
 struct Written {
     states: u64,
-    /// Of the first and the last one.
+    /// Steps of the first state and of the last one.
     steps: (u64, u64),
 }
 
@@ -63,7 +63,7 @@ impl Written {
     }
 }
 
-/// Where each kind of message goes.
+/// Channels of each kind of message.
 struct Channels {
     summary: ForeignChannel,
     motions: Vec<ForeignChannel>,

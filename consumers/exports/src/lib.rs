@@ -86,7 +86,7 @@ pub trait Export {
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, ExportError>;
 }
 
-/// Why something was not exported.
+/// Reason why something was not exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The file could not be written, or not be given its name.
@@ -98,7 +98,7 @@ pub enum ExportError {
 }
 
 impl ExportError {
-    /// Whether an existing file is in the way.
+    /// True if an existing file is in the way.
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
@@ -134,7 +134,7 @@ impl Format {
         }
     }
 
-    /// What names of such files end with, if that says which format it is.
+    /// Ends of the names of such files; none if names do not tell this format.
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Npz => &["npz"],

@@ -18,7 +18,7 @@ use zip::{CompressionMethod, ZipWriter};
 /// Files from here on need the 64-bit form of ZIP; well below 4 GiB, for there is a header, too.
 const LARGE_BYTES: u64 = 0xF000_0000;
 
-/// What is copied into the ZIP file at a time.
+/// Bytes that are copied into the ZIP file at a time.
 const PIECE_BYTES: u64 = 16 << 20;
 
 /// The arrays with a row for each state wait in spools, because a ZIP file has one behind the other.
@@ -39,7 +39,7 @@ pub(super) struct Npz {
 struct Rows {
     name: &'static str,
     dtype: &'static str,
-    /// Whether a row has a value for each bead.
+    /// True if a row has a value for each bead.
     of_beads: bool,
     spool: Spool,
 }
@@ -167,7 +167,7 @@ impl Zip {
         Self(ZipWriter::new(UntilError { out, position: 0, has_failed: false }))
     }
 
-    /// What does not change: one number for each bead and each contact.
+    /// Writes the constant arrays: one number for each bead and each contact.
     fn chain(&mut self, excerpt: &Excerpt, chain: &Chain) -> io::Result<()> {
         let (beads, contacts) = (excerpt.beads.clone(), excerpt.contacts());
         let numbers: Vec<u8> = beads.clone().flat_map(|bead| (bead as u64).to_le_bytes()).collect();

@@ -51,7 +51,7 @@ impl Spool {
         self.bytes
     }
 
-    /// Whether [`copy`](Self::copy) has begun.
+    /// True if [`copy`](Self::copy) has begun.
     pub(super) fn is_being_read(&self) -> bool {
         self.is_being_read
     }

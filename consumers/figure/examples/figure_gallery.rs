@@ -171,7 +171,7 @@ fn widths() -> Figure {
     Figure::new().caption("27 runs of 1000 equal beads").panel(panel)
 }
 
-/// What must not break the layout: no values, one value, gaps, long names, many curves, huge numbers.
+/// Cases that must not break the layout: no values, one value, gaps, long names, many curves, huge numbers.
 fn awkward() -> Figure {
     let steps = || (0..200).map(f64::from);
     let gaps = |x: f64| {

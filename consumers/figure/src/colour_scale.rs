@@ -5,8 +5,8 @@ use super::scale::{Margin, Scale};
 use super::style::Colour;
 use super::ticks::{is_plain, power_label, signed};
 
-/// Which colour stands for which number: white for 0, blues below, reds above, both as dark as they are far
-/// from 0. A raster that has one is drawn with a bar beside it.
+/// Colours of numbers: white for 0, blues below, reds above, both as dark as they are far from 0. A raster that has
+/// such a scale is drawn with a bar beside it.
 #[derive(Debug, Clone, PartialEq)]
 #[must_use]
 pub struct ColourScale {
@@ -18,7 +18,7 @@ pub struct ColourScale {
     white: f64,
 }
 
-/// What is written along the bar; places are fractions of its length, from the bottom.
+/// Numbers along the bar; places are fractions of its length, from the bottom.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct BarTicks {
     pub(super) numbers: Vec<(f64, String)>,
@@ -55,7 +55,7 @@ impl ColourScale {
         (self.to - self.white).max(self.white - self.from)
     }
 
-    /// Where a number lies between white (0) and the two darkest colours (−1 and 1).
+    /// Place of a number between white (0) and the two darkest colours (−1 and 1).
     pub fn shade(&self, value: f64) -> f64 {
         let value = value - self.white;
         let part = match self.log_beyond {

@@ -48,7 +48,7 @@ fn thin(points: &[(f64, f64)], strip: impl Fn((f64, f64)) -> f64) -> Vec<(f64, f
     kept
 }
 
-/// Of the markers that fall on the same dot, the first; at most `limit` (at least 8) in all.
+/// Keeps the first of the markers that fall on the same dot; at most `limit` (at least 8) in all.
 pub(super) fn marks(points: &[(f64, f64)], limit: usize) -> Vec<(f64, f64)> {
     let mut dot = DOT;
     loop {

@@ -15,7 +15,7 @@ const CURVE_BYTES: usize = 500_000;
 const LINE_POINT_BYTES: usize = 15;
 const MARK_BYTES: usize = 65;
 
-/// How much of a curve's colour its band has.
+/// Opacity of a band in the colour of its curve.
 const BAND_OPACITY: f64 = 0.22;
 /// Frame, ticks and numbers.
 const INK: Colour = Colour::Rgb(0x26, 0x26, 0x26);

@@ -1,4 +1,4 @@
-//! Where everything goes: sizes of the look, margins from the real width of the text, heights of panels.
+//! Layout of a figure: sizes of the look, margins from the real width of the text, heights of panels.
 
 use super::axis::Axis;
 use super::colour_scale::BarTicks;
@@ -14,7 +14,7 @@ use super::{Figure, Size};
 const POINTS_PER_MM: f64 = 72.0 / 25.4;
 /// Axes are no lower than this, in units of the numbers' size; the figure grows instead.
 const LOWEST: f64 = 5.0;
-/// From one baseline to the next, in units of the font's size.
+/// Distance from one baseline to the next, in units of the font's size.
 pub(super) const LEADING: f64 = 1.28;
 
 /// The lengths that make the look at one size, in points.
@@ -140,11 +140,11 @@ pub(super) struct Placed<'a> {
     pub(super) legend: Vec<Row>,
     /// Beside the axes, if there is a raster of numbers.
     pub(super) bar: Option<Bar>,
-    /// Whether numbers and label are written below.
+    /// True if numbers and label are written below.
     pub(super) has_x_text: bool,
     /// The axes.
     pub(super) frame: Rect,
-    /// How far left of the axes the last line of the y label has its baseline: the same for all panels.
+    /// Distance from the axes leftwards to the baseline of the y label's last line: the same for all panels.
     pub(super) y_label_distance: f64,
 }
 
@@ -164,7 +164,7 @@ impl Bar {
         Some(Self { ticks, label })
     }
 
-    /// From the axes to the right of the numbers.
+    /// Distance from the axes to the right end of the numbers.
     pub(super) fn numbers_end(&self, look: &Look) -> f64 {
         let widths = self.ticks.numbers.iter().map(|(_, label)| width(label, look.number));
         look.bar_gap()
@@ -174,7 +174,7 @@ impl Bar {
             + widths.fold(0.0, f64::max)
     }
 
-    /// From the axes to the right of everything.
+    /// Distance from the axes to the right end of everything.
     fn width(&self, look: &Look) -> f64 {
         self.numbers_end(look) + (self.label.len() as f64 * LEADING + 0.4) * look.label
     }
@@ -192,7 +192,7 @@ pub(super) struct Layout<'a> {
 }
 
 impl<'a> Layout<'a> {
-    /// With `dots_per_point` the axes lie on whole device dots, so that they come out sharp.
+    /// Makes the layout. With `dots_per_point` the axes lie on whole device dots, so that they come out sharp.
     pub(super) fn new(figure: &'a Figure, size: Size, dots_per_point: Option<f64>) -> Self {
         let look = Look::of(size);
         let wanted = figure.panels.iter().map(|panel| look.wanted_height(figure, panel));
@@ -338,7 +338,7 @@ fn shared_x_scale(figure: &Figure, own: &Axis) -> Scale {
     Scale::new(&axis, values, room.unwrap_or(Margin::ToRound))
 }
 
-/// How many numbers a y axis of this height holds in comfort.
+/// Number of numbers that fit on a y axis of this height in comfort.
 fn y_count(height: f64, look: &Look) -> usize {
     // A small positive number.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

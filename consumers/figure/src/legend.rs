@@ -13,7 +13,7 @@ const SQUARE: f64 = 0.85;
 const GAP: f64 = 0.45;
 const BETWEEN: f64 = 1.5;
 
-/// What stands before a name.
+/// Sample before a name.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Swatch {
     Curve(Ink),

@@ -75,7 +75,7 @@ pub struct Figure {
     shared_x: bool,
 }
 
-/// How large a figure is on paper or on the screen; text is 7 to 8 pt in print, about 14 pt on a slide.
+/// Size of a figure on paper or on the screen; text is 7 to 8 pt in print, about 14 pt on a slide.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Size {
     /// One column of a journal, 86 mm wide.
@@ -87,7 +87,7 @@ pub enum Size {
     Slide,
 }
 
-/// How a figure is written.
+/// Options for writing a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// The figure's width; the height follows from the panels.
@@ -114,7 +114,7 @@ impl Default for Options {
     }
 }
 
-/// Why a figure was not made.
+/// Reason why a figure was not made.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The file's name ends in something else than `.svg`, `.pdf` or `.png`.
@@ -157,7 +157,7 @@ pub enum FigureError {
     /// The drawing could not be turned into pixels: a mistake of this module.
     #[error("the figure could not be rendered: {reason}")]
     Render {
-        /// What the renderer said.
+        /// Message of the renderer.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! What a panel shows, as its caller describes it: axes, curves, reference lines, a raster, a note.
+//! Contents of a panel, as its caller describes them: axes, curves, reference lines, a raster, a note.
 
 use super::axis::Axis;
 use super::raster::Raster;
@@ -14,7 +14,7 @@ use super::style::{Colour, Ink, Mark, Stroke};
 pub struct Curve {
     pub(super) label: String,
     pub(super) points: Vec<(f64, f64)>,
-    /// Of each band the x, and the lower and the upper y.
+    /// Points of each band: the x, the lower y, the upper y.
     pub(super) bands: Vec<Vec<(f64, f64, f64)>>,
     pub(super) colour: Option<Colour>,
     pub(super) stroke: Option<Stroke>,
@@ -76,7 +76,7 @@ impl Curve {
     }
 }
 
-/// Which axis a reference lies on.
+/// Axis that a reference lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Along {
     X,
@@ -205,7 +205,7 @@ impl Panel {
         self
     }
 
-    /// How each curve is drawn: colours in turn, other strokes once they are used up.
+    /// Ink of each curve: colours in turn, other strokes once they are used up.
     pub(super) fn inks(&self) -> impl Iterator<Item = Ink> {
         let colours = Colour::CYCLE.len();
         let mut turn = 0;

@@ -170,7 +170,7 @@ impl OutlinePen for Outlines {
     }
 }
 
-/// What a figure takes at most (bytes) if fewer colours are enough for that.
+/// Largest file (bytes) of a figure, if fewer colours are enough for that.
 const LARGEST_FILE: usize = 1_000_000;
 
 /// The picture in all of its colours or, where that takes more than `limit` bytes, in as many as fit: 32 or 16

@@ -4,7 +4,7 @@ use super::FigureError;
 use super::colour_scale::{ColourScale, diverging};
 use super::style::Colour;
 
-/// What cells without a number are called unless their maker names them.
+/// Name of cells without a number, unless their maker names them.
 const NO_NUMBER: &str = "no frames";
 
 /// A grid of cells placed over the axes of a panel.
@@ -18,7 +18,7 @@ pub struct Raster {
     width: u32,
     height: u32,
     colours: Colours,
-    /// What the bar beside it explains.
+    /// Scale that the bar beside the raster explains.
     pub(super) scale: Option<ColourScale>,
     pub(super) x: (f64, f64),
     pub(super) y: (f64, f64),
@@ -182,7 +182,7 @@ impl Raster {
         }
     }
 
-    /// Whether picking the nearest cell for each dot would lose cells or make them visibly uneven.
+    /// True if picking the nearest cell for each dot would lose cells or make them visibly uneven.
     fn is_better_averaged(&self, (across, down): (u32, u32)) -> bool {
         const LARGE: u32 = 6;
         // A raster that reaches far beyond the axes must not become a huge image.

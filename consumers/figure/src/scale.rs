@@ -6,7 +6,7 @@ use super::axis::Axis;
 /// is computed from them would overflow.
 const LARGEST: f64 = 1e290;
 
-/// What an axis leaves free beyond the values on it.
+/// Free space of an axis beyond the values on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Margin {
     /// Nothing.
@@ -64,7 +64,7 @@ impl Scale {
         scale(from, to)
     }
 
-    /// Whether an axis of this kind can begin or end at a value.
+    /// True if an axis of this kind can begin or end at a value.
     fn holds(&self, value: f64) -> bool {
         value.abs() <= LARGEST && (!self.log || value >= 1.0 / LARGEST)
     }

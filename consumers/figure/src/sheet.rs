@@ -157,7 +157,7 @@ impl Sheet {
 }
 
 impl Shape {
-    /// Whether corners and ends of the pen are round: those of curves are, and dots.
+    /// True if corners and ends of the pen are round, as those of curves and dots are.
     pub(super) fn is_round(&self) -> bool {
         let is_dotted = self.pen.is_some_and(|pen| pen.stroke == Stroke::Dotted);
         is_dotted || self.fill.is_none() && matches!(self.outline, Outline::Path(_))

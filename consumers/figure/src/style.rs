@@ -64,7 +64,7 @@ impl Colour {
     }
 }
 
-/// How a line is drawn.
+/// Stroke of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
     /// Without gaps.
@@ -128,7 +128,7 @@ impl Mark {
     }
 }
 
-/// How a curve is drawn once its turn in the palette is known.
+/// Colour and stroke of a curve once its turn in the palette is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ink {
     pub(super) colour: Colour,

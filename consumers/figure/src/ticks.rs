@@ -2,7 +2,7 @@
 
 use super::scale::{RoundStep, Scale, power_of_ten};
 
-/// What is written along an axis; places are fractions of its length, from the left or the bottom.
+/// Ticks and numbers along an axis; places are fractions of its length, from the left or the bottom.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Ticks {
     pub(super) major: Vec<(f64, String)>,
@@ -97,7 +97,7 @@ impl Scale {
         }
     }
 
-    /// Where powers of ten are too sparse: 1, 2, 5 of each decade, or the round numbers of a linear axis.
+    /// Ticks where powers of ten are too sparse: 1, 2, 5 of each decade, or the round numbers of a linear axis.
     fn ticks_within_a_decade(&self, first: i32, last: i32, count: usize) -> Ticks {
         let chosen: Vec<f64> = self.mantissas(first, last, &[1.0, 2.0, 5.0]).collect();
         if chosen.len() < 3 {
@@ -137,7 +137,7 @@ impl Scale {
     }
 }
 
-/// Whether a power of ten is written out where few are needed.
+/// True if a power of ten is written out where few are needed.
 pub(super) fn is_plain(power: i32) -> bool {
     (-3..5).contains(&power)
 }

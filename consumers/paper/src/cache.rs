@@ -84,7 +84,7 @@ impl Cached {
         whole.then(|| observer.finish())
     }
 
-    /// For messages: the recording.
+    /// Path of the recording, for messages.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -10,7 +10,7 @@ use schemas::frame::Frame;
 /// The leading pulse in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Front {
-    /// When (s).
+    /// Time (s).
     pub time_s: f64,
     /// Position of its crest (beads), between two beads.
     pub bead: f64,

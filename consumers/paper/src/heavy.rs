@@ -233,7 +233,7 @@ fn judge_low_pulses(seen: &Observations) -> Result<Judgement, StudyError> {
     })
 }
 
-/// When the left neighbour hits the impurity, in both runs.
+/// Events in which the left neighbour hits the impurity, in both runs.
 fn hits(seen: &Observations) -> Result<Vec<(Event, Event)>, StudyError> {
     seen.events(&heavy(), EventKind::LeftCloses)
 }

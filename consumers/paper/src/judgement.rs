@@ -69,7 +69,7 @@ pub struct Number {
     pub unit: &'static str,
     /// Its uncertainty; absent for counts, and where nobody knows it.
     pub uncertainty: Option<Uncertainty>,
-    /// For a count: its values in runs that ought to give the same.
+    /// Values of a count in runs that ought to give the same.
     pub range: Option<Range>,
     /// The value that others computed.
     pub reference: Option<Reference>,
@@ -230,7 +230,7 @@ pub(super) fn pool_uncertainty(numbers: &mut [Number]) {
     }
 }
 
-/// Why a study cannot be made from the observations.
+/// Reason why a study cannot be made from the observations.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StudyError {
     /// A run of the study was not observed.

@@ -23,7 +23,7 @@ const LEADING: f64 = 0.05;
 /// A frame that was kept: the whole state at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeptFrame {
-    /// When (s).
+    /// Time (s).
     pub time_s: f64,
     /// Displacement (m) of each bead.
     pub u_m: Vec<f64>,
@@ -76,7 +76,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// For the frames of `run`, whose manifest is `manifest`.
+    /// Makes one for the frames of `run`, whose manifest is `manifest`.
     pub fn new(run: &Run, manifest: &RunManifest) -> Self {
         let tolerance_m = default_tolerance_m(manifest);
         let physics = &manifest.physics;

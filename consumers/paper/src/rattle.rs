@@ -125,7 +125,7 @@ pub(super) fn flights(seen: &Observed) -> Vec<Flight> {
 /// A flight of the impurity between its neighbours.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Flight {
-    /// When it begins and ends (s).
+    /// Times (s) at which it begins and ends.
     pub(super) times_s: (f64, f64),
     /// The velocity (m/s), constant.
     pub(super) v_m_s: f64,

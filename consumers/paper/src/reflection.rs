@@ -28,7 +28,7 @@ pub struct Reflected {
     pub over_total: Uncertain,
     /// Reflected over transmitted energy.
     pub over_transmitted: Uncertain,
-    /// Since when the reflected energy is stationary (s); NaN if it is not.
+    /// Time (s) from which on the reflected energy is stationary; NaN if it is not.
     pub stationary_since_s: f64,
     /// Reflected energy without the energy that the struck end keeps, over the total energy.
     pub corrected_over_total: Uncertain,

@@ -59,7 +59,7 @@ impl Run {
         Self { config, watch: Watch::default(), is_partner: false }
     }
 
-    /// With one bead of another mass (kg).
+    /// Gives one bead another mass (kg).
     pub(super) fn impurity(mut self, bead: u64, mass_kg: f64) -> Self {
         self.config.chain.impurities.push(Impurity { bead, mass_kg });
         self
@@ -78,7 +78,7 @@ impl Run {
         self
     }
 
-    /// With this part of the collision time T as the step, recorded every so many T.
+    /// Sets the step to this part of the collision time T, and records every so many T.
     fn steps(mut self, part_of_t: f64, recorded_t: f64) -> Self {
         if let Ok(physics) = Physics::resolve(&self.config) {
             self.config.time.dt_s = Some(part_of_t * physics.scales().time_s);

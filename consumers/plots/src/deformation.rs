@@ -12,8 +12,8 @@ const SHOWN_WIDTHS: f64 = 1.6;
 const MARKS: u32 = 33;
 const STEPS: u32 = 400;
 
-/// For each contact that a pulse has passed: its overlap with the exact wave and that of the continuum, and
-/// below it how far they are off.
+/// Panels for each contact that a pulse has passed: its overlap with the exact wave and that of the continuum, and
+/// below it their deviations.
 pub fn deformations(manifest: &RunManifest, found: &[Deformation]) -> Figure {
     let mut figure = Figure::new().caption(caption(manifest));
     let mut first = true;

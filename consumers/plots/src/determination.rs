@@ -1,4 +1,4 @@
-//! How the differences between a run and its twins grow.
+//! Growth of the differences between a run and its twins.
 
 use super::caption;
 use consumers::determination::{Determination, Quantity, Sample};

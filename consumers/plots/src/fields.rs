@@ -1,4 +1,4 @@
-//! What every bead or contact has: at one time, and over space and time.
+//! Quantities of every bead or contact: at one time, and over space and time.
 
 use super::{caption, energy, length, map_panel, prefix, rounded, short, sides};
 use consumers::fields::Field;
@@ -11,7 +11,7 @@ use std::ops::Range;
 /// Impurities that are marked in a profile.
 const MARKED: usize = 8;
 
-/// How colours follow numbers.
+/// Scale of colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ColourSteps {
     /// In proportion: what is strong is compared well, what is weak disappears.
@@ -40,12 +40,13 @@ pub fn profile(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places: 
     if is_loaded(manifest, field) { figure.panel(beyond_rest(manifest, frame, places)) } else { figure }
 }
 
-/// Whether the values at rest are not 0.
+/// True if the values at rest are not 0.
 fn is_loaded(manifest: &RunManifest, field: Field) -> bool {
     field == Field::Overlap && manifest.physics.chain().is_loaded()
 }
 
-/// How far the overlaps of a loaded chain are from those at rest, which is far less than these.
+/// Panel of the differences between the overlaps of a loaded chain and those at rest. They are far less than the
+/// overlaps at rest.
 fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>) -> Panel {
     let chain = manifest.physics.chain();
     let values: Vec<f64> = Field::Overlap.deviations(&chain, frame).collect();
@@ -59,7 +60,7 @@ fn beyond_rest(manifest: &RunManifest, frame: &Frame<'_>, places: &Range<usize>)
     mark_impurities(panel, manifest, Field::Overlap, places, false)
 }
 
-/// Whether each bead is marked, so that a chain of few is seen to be one.
+/// True if each bead is marked, so that a person sees that the chain has few.
 fn is_marked(places: &Range<usize>) -> bool {
     places.len() <= 60
 }
@@ -68,7 +69,7 @@ fn marked(curve: Curve, places: &Range<usize>) -> Curve {
     if is_marked(places) { curve.mark(Mark::Circle) } else { curve }
 }
 
-/// From the first place to the last, with room for their marks.
+/// Axis from the first place to the last, with room for their marks.
 fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
     let room = if is_marked(places) { 0.5 } else { 0.0 };
     Axis::new(field.place()).limits(places.start as f64 - room, places.end as f64 - 1.0 + room)
@@ -265,9 +266,9 @@ fn label(field: Field, largest: f64) -> (String, f64) {
     }
 }
 
-/// What of the values is shown: of displacements all but a fiftieth at either end, since the struck end of a
-/// chain flies off, and the rest would be a flat line beside it; of overlaps no gap that is wider than the largest
-/// overlap, if there is one.
+/// Range of the values that is shown. Displacements lose a fiftieth at either end, since the struck end of a chain
+/// flies off, and the rest would be a flat line beside it. No gap wider than the largest overlap is shown, if there is an
+/// overlap.
 fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -280,14 +281,14 @@ fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
     [low, high]
 }
 
-/// The same with some room on both sides.
+/// This range with some room on both sides.
 fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
     let [low, high] = bulk(field, values);
     let room = 0.15 * (high - low);
     [low - room, high + room]
 }
 
-/// Says what lies outside of the range shown.
+/// Text about values outside of the range shown.
 fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     let outside = values.iter().copied().filter(|value| *value < shown[0] || *value > shown[1]);
     let outside: Vec<f64> = outside.collect();

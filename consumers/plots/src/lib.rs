@@ -1,4 +1,4 @@
-//! What each analysis shows, drawn with [`figure`].
+//! Figures of each analysis, drawn with [`figure`].
 
 mod deformation;
 mod determination;
@@ -179,8 +179,8 @@ pub fn energies(
     }
 }
 
-/// What is left on the incident side without the recoil, and what may still cross, both as parts of the
-/// total energy.
+/// Panel of the energy on the incident side without the recoil, and of the energy that may still cross, both as parts
+/// of the total energy.
 fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflection: &Reflection) -> Panel {
     let part = |column: &str| {
         let totals = energy_curve(rows, "total_j");

@@ -9,7 +9,7 @@ pub use labels::column_label;
 use consumers::statistics::Statistics;
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
 
-/// What a band around a curve shows, and which middle the curve then has.
+/// Contents of a band around a curve, which also decide the curve's middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Band {
     /// The mean and its standard error.
@@ -30,11 +30,11 @@ pub struct TableCurve {
 /// The values at one x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TablePoint {
-    /// Where.
+    /// The x.
     pub x: f64,
     /// Their common parameters.
     pub found: Statistics,
-    /// They are fewer than those of other points, or than there should be.
+    /// True if they are fewer than those of other points, or than there should be.
     pub is_of_fewer: bool,
 }
 
@@ -49,20 +49,20 @@ pub struct TablePanel {
     pub note: String,
 }
 
-/// What is drawn over one x axis.
+/// Panels over one x axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableFigure {
     /// The column of the x axis.
     pub x: String,
     /// A panel for each column of results.
     pub panels: Vec<TablePanel>,
-    /// Whether the axes are logarithmic.
+    /// True if the axes, x and y, are logarithmic.
     pub log: [bool; 2],
-    /// What lies around the curves.
+    /// Band around the curves.
     pub band: Option<Band>,
-    /// Rows next to each other differ in more than x: lines between them would mean nothing.
+    /// True if rows next to each other differ in more than x: lines between them would mean nothing.
     pub scattered: bool,
-    /// What is said under the panels.
+    /// Text under the panels.
     pub caption: String,
 }
 

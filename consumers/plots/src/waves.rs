@@ -29,11 +29,11 @@ pub struct Spectra<'a> {
     pub places: &'a [Place],
     /// The density of each place, a value for each frequency.
     pub densities: &'a [Vec<f64>],
-    /// How places follow each other.
+    /// Transmissions between places.
     pub transmissions: &'a [TransmissionCurve<'a>],
     /// Segments that were averaged: of one alone no coherence is known.
     pub segment_count: u64,
-    /// Where linear waves travel.
+    /// Frequencies (Hz) at which linear waves travel.
     pub bands_hz: &'a [Band],
     /// The highest frequency that is shown (Hz).
     pub top_hz: f64,
@@ -89,14 +89,14 @@ impl Spectra<'_> {
 /// Densities below this part of the largest are rounding, or leak from other frequencies.
 const SHOWN_DENSITY: f64 = 1e-10;
 
-/// How one place follows another.
+/// Transmission from one place to another.
 #[derive(Debug)]
 pub struct TransmissionCurve<'a> {
     /// The first place.
     pub from: Place,
     /// The place that follows it.
     pub to: Place,
-    /// What was found.
+    /// The transmission.
     pub found: &'a Transmission,
 }
 
@@ -184,13 +184,13 @@ pub fn spectra(manifest: &RunManifest, shown: &Spectra<'_>) -> Figure {
     }
 }
 
-/// What a density is shown over.
+/// Horizontal axis of a density.
 pub enum WavesOver<'a> {
     /// Time, at one place.
     Time {
         /// The place.
         place: Place,
-        /// Where linear waves travel.
+        /// Frequencies (Hz) at which linear waves travel.
         bands_hz: &'a [Band],
     },
     /// The wavenumber.
@@ -269,7 +269,7 @@ pub struct ModesShown<'a> {
     pub frequencies_hz: &'a [f64],
     /// Beads that share its energy.
     pub participation_beads: &'a [f64],
-    /// Where linear waves travel.
+    /// Frequencies (Hz) at which linear waves travel.
     pub bands_hz: &'a [Band],
 }
 
@@ -383,7 +383,7 @@ pub fn mode_energies(manifest: &RunManifest, modes: &[usize], curves: &[Series<1
     Figure::new().caption(caption(manifest)).panel(panel)
 }
 
-/// What a sensor at one place saw.
+/// Forces on a sensor at one place.
 #[derive(Debug)]
 pub struct SensedForces<'a> {
     /// The place.

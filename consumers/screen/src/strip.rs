@@ -18,7 +18,7 @@ pub(crate) struct Strip {
 }
 
 impl Strip {
-    /// For a field of so many values.
+    /// Makes one for a field of so many values.
     pub(crate) fn new(places: usize) -> Self {
         Self { places, columns: places.min(COLUMNS), cells: Vec::new(), first_step: 0, steps_per_row: 1 }
     }
@@ -78,7 +78,7 @@ impl Strip {
         range.map(f64::from)
     }
 
-    /// It in so many columns and at most so many rows: a row is never shown twice.
+    /// Fits the strip into so many columns and at most so many rows: a row is never shown twice.
     pub(crate) fn fitted(&self, columns: usize, rows: usize) -> Vec<Vec<f64>> {
         let rows = rows.min(self.rows());
         let row = |row: usize| {

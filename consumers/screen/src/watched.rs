@@ -55,7 +55,7 @@ impl Watched {
         self.end = Some(reason);
     }
 
-    /// Why no more states come, if so.
+    /// Reason why no more states come, if so.
     pub fn ended(&self) -> Option<EndReason> {
         self.end
     }

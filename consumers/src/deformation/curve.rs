@@ -16,7 +16,7 @@ pub struct Sample {
 /// The shape of a pulse at a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
-    /// When the overlap is largest (s), interpolated.
+    /// Time of the largest overlap (s), interpolated.
     pub peak_s: f64,
     /// The largest overlap (m), interpolated.
     pub overlap_m: f64,
@@ -138,7 +138,7 @@ fn zero_of_parabola([before, middle, after]: [&Sample; 3]) -> f64 {
     if offset_s.is_finite() { middle.time_s + offset_s } else { middle.time_s }
 }
 
-/// When (s) the cubic between two samples passes `level_m`, which lies between them.
+/// Time (s) at which the cubic between two samples passes `level_m`, which lies between them.
 fn crossing(pair: &[Sample], level_m: f64) -> f64 {
     let [first, second] = pair else { return f64::NAN };
     let rises = second.overlap_m > first.overlap_m;

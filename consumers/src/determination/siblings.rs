@@ -166,7 +166,7 @@ impl Sibling {
         };
     }
 
-    /// By how much a twin differs, in the order of [`Quantity::ALL`] and in units of their scales.
+    /// Differences of a twin, in the order of [`Quantity::ALL`] and in units of their scales.
     pub(super) fn differences(
         &self,
         frame: &Frame<'_>,

@@ -69,7 +69,7 @@ impl Side {
     }
 }
 
-/// Why there is no reflected energy.
+/// Reason why there is no reflected energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Undefined {
     /// The split bead is the striker.
@@ -184,11 +184,11 @@ pub struct Corrected {
 pub struct Reflection {
     /// The incident side.
     pub incident: Side,
-    /// When the pulse arrived; the first frame, if it was there already.
+    /// Arrival of the pulse; the first frame, if it was there already.
     pub arrival: Option<Moment>,
     /// The energy that the pulse had left behind; none if no frame was seen in the 10 T before it arrived.
     pub recoil: Option<Recoil>,
-    /// Since when the reflected energy is stationary, if it became so and stayed so.
+    /// Moment from which on the reflected energy is stationary, if it became so and stayed so.
     pub stationary_since: Option<Moment>,
     /// The end bead that a front met, and when.
     pub met_end: Option<(u64, Moment)>,

@@ -25,7 +25,7 @@ const ABOVE_THRESHOLD: f64 = 2.0;
 pub(super) struct Control {
     threshold_m_s: f64,
     due_step: u64,
-    /// When the frame was that was looked at last (s).
+    /// Time (s) of the frame that was looked at last.
     seen_s: f64,
     /// The longest time (s) between two frames that were looked at.
     apart_s: f64,
@@ -49,11 +49,11 @@ struct Bead {
 #[expect(clippy::struct_field_names, reason = "they end with units")]
 #[derive(Debug, Clone, Copy, Default)]
 struct Rise {
-    /// By how much (m/s).
+    /// The rise (m/s).
     by_m_s: f64,
     /// Its velocity then (m/s).
     v_m_s: f64,
-    /// When (s).
+    /// The time (s).
     time_s: f64,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct History {
 /// A crest at one bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Crest {
-    /// When (s), interpolated.
+    /// Time (s), interpolated.
     pub(super) time_s: f64,
     /// The velocity then (m/s), interpolated.
     pub(super) v_m_s: f64,
@@ -134,8 +134,8 @@ impl History {
         }
     }
 
-    /// When `bead` passed `level_m_s` (of velocity times `sign`) between the two frames before the middle one and
-    /// the middle one; none if it did not.
+    /// Time (s) at which `bead` passed `level_m_s` (of velocity times `sign`) between the two frames before the middle
+    /// one and the middle one; none if it did not.
     pub(super) fn crossing_s(&self, bead: i64, sign: f64, level_m_s: f64) -> Option<f64> {
         self.at(0, bead)?;
         let y: [f64; 4] = std::array::from_fn(|i| sign * self.at(4 - i, bead).unwrap_or(0.0) - level_m_s);

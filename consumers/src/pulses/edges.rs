@@ -19,7 +19,7 @@ pub(super) struct Edges {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Edge {
     bead: i64,
-    /// When the bead passed the level (s); none where that was not seen.
+    /// Time (s) at which the bead passed the level; none where that was not seen.
     time_s: Option<f64>,
 }
 

@@ -38,7 +38,7 @@ pub struct UnderWay {
 pub struct Unfollowed {
     /// The beads that it passed, in the order in which it did.
     pub beads: [u64; 2],
-    /// When it passed the first and the last of them (s).
+    /// Times (s) at which it passed the first and the last of them.
     pub times_s: [f64; 2],
     /// The largest velocity of those beads then (m/s).
     pub v_peak_m_s: f64,

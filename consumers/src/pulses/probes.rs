@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct Passage {
     /// The probe bead.
     pub bead: u64,
-    /// When the bead moves fastest (s), interpolated.
+    /// Time (s) at which the bead moves fastest, interpolated.
     pub time_s: f64,
     /// The velocity of the bead then (m/s), interpolated; its sign is the pulse's direction.
     pub v_peak_m_s: f64,

@@ -16,7 +16,7 @@ pub struct Path {
 #[derive(Debug, Clone, Default)]
 pub struct Strongest {
     pulses: Vec<Pulse>,
-    /// By the numbers of the pulses; only if a figure is to be drawn.
+    /// Paths of the pulses, by their numbers; only if a figure is to be drawn.
     paths: Option<BTreeMap<u64, Path>>,
 }
 

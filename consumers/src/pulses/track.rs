@@ -24,7 +24,7 @@ pub struct Point {
     pub pulse: u64,
     /// The bead.
     pub bead: u64,
-    /// When it moves fastest (s), interpolated.
+    /// Time (s) at which it moves fastest, interpolated.
     pub time_s: f64,
     /// Its velocity then (m/s), interpolated.
     pub v_peak_m_s: f64,

@@ -33,7 +33,7 @@ pub struct Pulses {
     lead: Lead,
     /// A pulse has run into the left, and into the right end.
     met_ends: [bool; 2],
-    /// When the frames began, or began again (s), and whether the chain had moved before.
+    /// Time (s) at which the frames began, or began again, and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
 }
 

@@ -20,7 +20,7 @@ pub struct Values {
     pub cells: Vec<Cell>,
 }
 
-/// Why a table cannot be read.
+/// Reason why a table cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadTableError {
     /// The file cannot be read.
@@ -28,7 +28,7 @@ pub enum ReadTableError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// More than is read into memory.
@@ -44,7 +44,7 @@ pub enum ReadTableError {
     Parquet {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Error of the Parquet reader.
         source: ParquetError,
     },
     /// It is no CSV with a header.
@@ -54,7 +54,7 @@ pub enum ReadTableError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong there.
+        /// The error.
         what: String,
     },
 }
@@ -97,7 +97,7 @@ fn parquet(file: File) -> Result<Vec<Values>, ParquetError> {
     Ok(columns)
 }
 
-/// What a field without quotes says.
+/// Value of a field without quotes.
 fn cell(field: &str) -> Cell {
     if field.is_empty() {
         return Cell::Empty;

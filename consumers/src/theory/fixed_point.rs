@@ -6,7 +6,7 @@ const NEAR: f64 = 1e-2;
 /// Evaluations of the map: some ten while far, then three to five.
 const STEP_LIMIT: usize = 60;
 
-/// By how much a solution of a linear system reduces its residual.
+/// Factor by which a solution of a linear system reduces its residual.
 const REDUCTION: f64 = 1e-4;
 
 /// Directions searched for a solution of a linear system.

@@ -23,7 +23,7 @@ pub type Band = [f64; 2];
 impl UnitCell {
     /// The most beads that a cell may have.
     pub const MOST: usize = 16;
-    /// How many of a hundred beads may be unlike the one a period later: impurities and ends.
+    /// Most beads in a hundred that may be unlike the one a period later: impurities and ends.
     const ODD_PERCENT: usize = 10;
 
     /// The shortest cell that nine of ten beads of `chain` repeat, if there is one.
@@ -102,14 +102,14 @@ impl UnitCell {
         long.into_iter().zip(short).map(|(a, b)| if a < b { [a, b] } else { [b, a] }).collect()
     }
 
-    /// Whether a frequency (Hz) is in a band, to a part in 10⁹.
+    /// True if a frequency (Hz) is in a band, to a part in 10⁹.
     pub fn carries(bands: &[Band], frequency_hz: f64) -> bool {
         let room = 1e-9 * bands.last().map_or(0.0, |band| band[1]);
         bands.iter().any(|[from, to]| frequency_hz >= from - room && frequency_hz <= to + room)
     }
 }
 
-/// Whether two beads with the contacts behind them are the same, to rounding.
+/// True if two beads with the contacts behind them are the same, to rounding.
 fn is_alike(chain: &LinearChain, one: usize, other: usize) -> bool {
     let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
     let of = |values: &[f64]| same(values[one], values[other]);

@@ -46,7 +46,7 @@ impl Eigen {
     /// The most QL steps for one eigenvalue; two or three are usual.
     const MOST_STEPS: usize = 60;
 
-    /// Those of a symmetric matrix; none if the steps do not converge, or a number is not finite.
+    /// Computes those of a symmetric matrix; none if the steps do not converge, or a number is not finite.
     pub(crate) fn of(matrix: Square) -> Option<Self> {
         let mut tridiagonal = Tridiagonal::of(matrix);
         tridiagonal.diagonalise(Self::MOST_STEPS)?;

@@ -5,11 +5,11 @@
 pub struct Grid {
     /// The middle of each column.
     pub x: Vec<f64>,
-    /// Where the first column begins and the last one ends.
+    /// Left end of the first column, and right end of the last one.
     pub x_edges: (f64, f64),
     /// The middle of each row (Hz).
     pub frequency_hz: Vec<f64>,
-    /// Where the first row begins and the last one ends (Hz).
+    /// Lower end of the first row, and upper end of the last one (Hz).
     pub frequency_edges_hz: (f64, f64),
     /// The values, row by row from the lowest frequency on; none where unknown.
     pub values: Vec<Option<f64>>,
@@ -19,8 +19,8 @@ pub struct Grid {
 const MOST: usize = 500;
 
 impl Grid {
-    /// Of `columns` equal columns between `x_edges`, for each of which `density` gives the lines of frequencies
-    /// `line·step_hz`. Line 0, which the mean is taken off, and those above `top_hz` are left out.
+    /// Makes one of `columns` equal columns between `x_edges`. For each column `density` gives the lines of frequencies
+    /// `line·step_hz`. Line 0, which lacks the mean, and lines above `top_hz` are left out.
     pub fn new(
         x_edges: (f64, f64),
         columns: usize,

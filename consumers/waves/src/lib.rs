@@ -1,4 +1,4 @@
-//! What the waves of a chain say: [`spectra`](welch) at single places, [maps over ω and q](wave_map), the
+//! Analyses of the waves of a chain: [`spectra`](welch) at single places, [maps over ω and q](wave_map), the
 //! [linear modes](modes) about an equilibrium, and [forces as a sensor sees them](peaks).
 //!
 //! Values come one frame at a time and memory is bounded by segments, never by the length of a run.

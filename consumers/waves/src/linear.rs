@@ -28,7 +28,7 @@ pub struct Resonator {
     pub stiffness_n_per_m: f64,
 }
 
-/// Why a chain has no linear waves.
+/// Reason why a chain has no linear waves.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{place} is not pressed together at rest, so nothing is linear there: its force k·δ^α has no slope on both \

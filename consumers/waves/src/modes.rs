@@ -19,7 +19,7 @@ pub struct Modes {
     carriers: Vec<usize>,
 }
 
-/// Why there are no modes.
+/// Reason why there are no modes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModesError {
     /// Too large for a dense matrix.

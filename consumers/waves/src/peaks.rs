@@ -5,14 +5,15 @@ use schemas::manifest::Physics;
 /// A peak of a force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// When it was highest (s), by a parabola through the three samples around.
+    /// Time of its highest force (s), by a parabola through the three samples around.
     pub time_s: f64,
-    /// How high it was, above the force at rest (N).
+    /// Its height above the force at rest (N).
     pub force_n: f64,
     /// Its full width at half of its height (s); none where the run begins or ends within it, or half is below the
     /// threshold.
     pub width_s: Option<f64>,
-    /// How long the force was above the threshold around it (s); peaks between which it does not fall below have it in common.
+    /// Time for which the force was above the threshold around it (s); peaks share it if the force does not fall below the
+    /// threshold between them.
     pub above_s: Option<f64>,
 }
 
@@ -26,7 +27,7 @@ pub struct Peaks {
     last: Option<Sample>,
     before: Option<Sample>,
     state: State,
-    /// When the force rose above the threshold, if that was seen.
+    /// Time (s) at which the force rose above the threshold, if that was seen.
     rose_s: Option<f64>,
     is_above: bool,
     /// Peaks whose time above the threshold is not known yet.
@@ -175,7 +176,7 @@ impl Peaks {
     }
 }
 
-/// When the line between two samples has the value `force_n` (s).
+/// Time (s) at which the line between two samples has the value `force_n`.
 fn crossing_s(from: Sample, to: Sample, force_n: f64) -> f64 {
     let part = (force_n - from.1) / (to.1 - from.1);
     from.0 + part.clamp(0.0, 1.0) * (to.0 - from.0)

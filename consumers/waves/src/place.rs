@@ -36,7 +36,7 @@ pub enum Quantity {
     Displacement,
 }
 
-/// Why a place does not exist in a chain.
+/// Reason why a place does not exist in a chain.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PlaceError {
     /// No such bead.
@@ -78,7 +78,7 @@ impl Place {
         }
     }
 
-    /// As a part of a column's name: `bead_20`, `wall_right`.
+    /// The place as a part of a column's name: `bead_20`, `wall_right`.
     pub fn column(self) -> String {
         self.to_string().replace(':', "_")
     }
@@ -163,7 +163,7 @@ pub struct Sensors {
 }
 
 impl Sensors {
-    /// For the frames of `chain`.
+    /// Makes them for the frames of `chain`.
     pub fn new(chain: Chain) -> Self {
         Self { chain }
     }

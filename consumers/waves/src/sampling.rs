@@ -11,7 +11,7 @@ pub struct Sampling {
     break_count: u64,
 }
 
-/// What a frame is.
+/// Role of a frame among the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Take {
     /// No sample.
@@ -23,7 +23,7 @@ pub enum Take {
 }
 
 impl Sampling {
-    /// What the frame at `step` is.
+    /// Takes the frame at `step`, and gives its role.
     pub fn take(&mut self, step: u64) -> Take {
         let take = match (self.first, self.interval_steps) {
             (None, _) => {
@@ -64,7 +64,7 @@ impl Sampling {
         self.first
     }
 
-    /// How many intervals `step` is after the first sample.
+    /// Number of intervals from the first sample to `step`.
     pub fn index(&self, step: u64) -> u64 {
         let since = step.saturating_sub(self.first.unwrap_or(step));
         self.interval_steps.map_or(0, |interval| since / interval)
@@ -75,7 +75,7 @@ impl Sampling {
         self.count
     }
 
-    /// How often samples were missing.
+    /// Number of gaps, each of one missing sample or more.
     pub fn break_count(&self) -> u64 {
         self.break_count
     }

@@ -5,7 +5,7 @@ use realfft::{RealFftPlanner, RealToComplex};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// How the samples of a segment are weighted.
+/// Weights of the samples of a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Window {
     /// By [`hann`]: for motion that lasts.

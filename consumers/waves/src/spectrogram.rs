@@ -23,7 +23,7 @@ impl Spectrogram {
     /// The largest number of columns.
     pub const COLUMNS: u64 = 500;
 
-    /// For `samples` samples in segments of `length`.
+    /// Makes one for `samples` samples in segments of `length`.
     pub fn new(samples: u64, length: usize) -> Self {
         let segments = Segments::new(1, length, Window::Hann).dense();
         let column_samples = samples.div_ceil(Self::COLUMNS).max(segments.hop() as u64);

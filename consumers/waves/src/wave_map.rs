@@ -15,7 +15,7 @@ pub struct WaveMap {
     transform: Arc<dyn Fft<f64>>,
     row: Vec<Complex<f64>>,
     scratch: Vec<Complex<f64>>,
-    /// For each frequency `beads` values, in the order of the transform.
+    /// Power at each frequency: `beads` values, in the order of the transform.
     power: Vec<f64>,
 }
 
@@ -28,7 +28,7 @@ impl WaveMap {
         (Self::MOST / beads.max(1)).max(16)
     }
 
-    /// For `beads` beads in segments of `length` samples.
+    /// Makes one for `beads` beads in segments of `length` samples.
     pub fn new(beads: usize, length: usize) -> Self {
         let segments = Segments::new(beads, length, Window::Hann);
         let transform = FftPlanner::new().plan_fft_forward(beads);

@@ -16,7 +16,7 @@ pub struct Welch {
     cross: Vec<Vec<Complex<f64>>>,
 }
 
-/// How one signal follows another.
+/// Linear transmission from one signal to another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transmission {
     /// `|H₁|` at each frequency, `H₁ = S_ab/S_aa`; NaN where the first signal has nothing.
@@ -41,7 +41,7 @@ pub struct DensitySummary {
 }
 
 impl DensitySummary {
-    /// Of a density at evenly spaced frequencies from 0, which is left out for the peak.
+    /// Makes one for a density at evenly spaced frequencies from 0. The peak leaves out frequency 0.
     pub fn of(frequencies_hz: &[f64], density: &[f64]) -> Self {
         let step_hz = frequencies_hz.get(1).copied().unwrap_or(0.0);
         let highest = (1..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap_or(0);
@@ -54,7 +54,7 @@ impl DensitySummary {
 }
 
 impl Welch {
-    /// For `signals` signals in segments of `length` samples; `pairs` of them are compared.
+    /// Makes one for `signals` signals in segments of `length` samples; `pairs` of them are compared.
     pub fn new(signals: usize, length: usize, pairs: &[(usize, usize)], window: Window) -> Self {
         let segments = Segments::new(signals, length, window);
         let lines = segments.length() / 2 + 1;
@@ -117,7 +117,7 @@ impl Welch {
         lines.map(|(line, power)| power * self.segments.sides(line) * scale).collect()
     }
 
-    /// How the second signal of a pair follows the first one: the estimate `H₁ = S_ab/S_aa`.
+    /// Transmission from the first signal of a pair to the second one: the estimate `H₁ = S_ab/S_aa`.
     pub fn transmission(&self, pair: usize) -> Transmission {
         let (a, b) = self.pairs[pair];
         let lines = || self.cross[pair].iter().zip(self.auto[a].iter().zip(&self.auto[b]));

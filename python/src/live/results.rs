@@ -26,7 +26,7 @@ pub(super) struct Results {
 impl Results {
     /// Rows that may wait to be published.
     const WAITING: usize = 64;
-    /// How long a full queue is left alone.
+    /// Pause before the next look at a full queue.
     const PAUSE: Duration = Duration::from_millis(1);
 
     pub(super) fn new(mut publisher: ResultPublisher<f64>, stop: Arc<AtomicBool>) -> Self {

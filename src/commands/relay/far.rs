@@ -1,4 +1,4 @@
-//! On the other host.
+//! The far side of a relay: the other host.
 
 use super::{endpoint, of_wire};
 use crate::args::RelayArgs;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long to wait for a message before consumers are served.
+/// Time of waiting for a message before consumers are served.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 pub(super) fn far(args: &RelayArgs, connect: &str) -> Result<Done, Failure> {
@@ -62,7 +62,7 @@ fn meet(wanted: &Wanted, stop: &AtomicBool) -> Result<Option<Fetching>, Failure>
     Fetching::start(wanted, stop, tell).map_err(of_wire)
 }
 
-/// Where a run begins here.
+/// Beginning of a run on this side.
 enum Begin {
     /// With this message, whose first frame has this number.
     At(Place, Payload, u64),
@@ -221,7 +221,7 @@ impl Session<'_> {
     }
 }
 
-/// Whether we were asked to stop while a frame was published.
+/// True if this process was asked to stop while a frame was published.
 fn is_stop(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(FarError::Publish(PublishError::Stopped { .. })))
 }
@@ -233,7 +233,7 @@ fn end_failed(far: Far, error: Failure) -> Failure {
     error
 }
 
-/// What was published, in numbers.
+/// Numbers about a run that was published here.
 struct Republished {
     run: String,
     reason: EndReason,

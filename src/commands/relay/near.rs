@@ -1,4 +1,4 @@
-//! Where the run is.
+//! The near side of a relay: the side of the run.
 
 use super::{endpoint, of_wire};
 use crate::args::RelayArgs;
@@ -21,10 +21,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often we look whether anybody has asked.
+/// Interval at which requests are looked for.
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
-/// How long after a signal the end may take to reach the far sides: whoever presses Ctrl-C waits for it.
+/// Longest time from a signal until the end reaches the far sides. The person who pressed Ctrl-C waits for it.
 const LAST_WORDS: Duration = Duration::from_millis(150);
 
 type Log = Arc<SharedLog<Payload>>;
@@ -65,7 +65,7 @@ pub(super) fn near(args: &RelayArgs) -> Result<Done, Failure> {
     summary.report(args.json)
 }
 
-/// Says who was turned away.
+/// Prints a notice about each peer that was turned away.
 fn warn(serving: &Serving) {
     for trouble in serving.take_troubles() {
         notice!("turned somebody away: {trouble}");
@@ -199,7 +199,7 @@ impl Near<'_> {
     }
 }
 
-/// What was sent, in numbers.
+/// Numbers about a run that was sent.
 struct Relayed {
     run: String,
     reason: EndReason,

@@ -69,7 +69,7 @@ impl News {
     }
 }
 
-/// Why a run can no longer be watched.
+/// Reason why a run can no longer be watched.
 #[derive(Debug, thiserror::Error)]
 enum WatchError {
     #[error(transparent)]

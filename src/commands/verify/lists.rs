@@ -1,4 +1,4 @@
-//! What was proven, what was compared, and what cannot be known.
+//! Lists of things that were proven, that were compared, and that cannot be known.
 
 use super::Verified;
 use super::run_toml::RunToml;

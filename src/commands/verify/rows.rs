@@ -23,17 +23,17 @@ use std::sync::atomic::AtomicBool;
 /// The differences that are kept; more are only counted.
 const MOST_DIFFERENCES: usize = 5;
 
-/// What the rows of one topic were found to be.
+/// Findings about the rows of one topic.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct RowsChecked {
     pub(crate) topic: String,
     /// Rows that are what the states give.
     #[serde(rename = "proven")]
     pub(crate) proven_count: u64,
-    /// Rows that are not; the first ones.
+    /// Rows that differ from the states; the first ones.
     pub(crate) differences: Vec<String>,
     pub(crate) difference_count: u64,
-    /// What of them could not be compared.
+    /// Rows that could not be compared, and why.
     pub(crate) not_checked: Vec<String>,
 }
 

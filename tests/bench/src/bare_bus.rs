@@ -1,4 +1,4 @@
-//! What the bus is measured against: the same frames, and a wake-up, through nothing but iceoryx2.
+//! Measure for the bus: the same frames, and a wake-up, through nothing but iceoryx2.
 
 use bus::{BORROWED, Bus, BusError, MAX_BUFFER};
 use iceoryx2::node::{Node, NodeBuilder};

@@ -1,4 +1,4 @@
-//! What recordings are measured against: the same bytes through the bare mcap crate.
+//! Measure for recordings: the same bytes through the bare mcap crate.
 
 use mcap::records::MessageHeader;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};

@@ -1,4 +1,4 @@
-//! What the dynamics is measured against: the loop that everybody writes first.
+//! Measure for the dynamics: the loop that everybody writes first.
 
 use producer::state::ChainState;
 use schemas::manifest::Physics;
@@ -65,7 +65,7 @@ mod tests {
     use schemas::method::Method;
     use schemas::presets::PRESETS;
 
-    /// What is measured against is the same motion: it differs by the rounding of the power function alone.
+    /// The baseline makes the same motion: it differs by the rounding of the power function alone.
     #[test]
     fn the_scalar_loop_makes_the_motion_of_the_kernel() {
         for alpha in [1.5, 1.3] {

@@ -50,7 +50,7 @@ impl Process {
         Ok(stdin.write_all(b"\n")?)
     }
 
-    /// What it still says until it ends.
+    /// Waits for its end, and gives the rest of its output.
     pub(super) fn finish(mut self) -> Result<String, Error> {
         let mut text = String::new();
         self.out.read_to_string(&mut text)?;
@@ -107,7 +107,7 @@ impl Process {
         format!("/proc/{}/{what}", self.child.id())
     }
 
-    /// Why it did not do what it should, in its own words.
+    /// Reason why it did not do what it should, in its own words.
     fn failed(&mut self) -> Error {
         let mut said = String::new();
         if let Some(mut stderr) = self.child.stderr.take() {

@@ -57,7 +57,7 @@ impl Moments {
         (self.physics.beads * self.steps) as f64 * self.states.len() as f64
     }
 
-    /// How long all steps take, without the preparations.
+    /// Time of all steps, without the preparations.
     fn time(&self, mut advance: impl FnMut(&ChainState) -> Duration) -> Duration {
         self.states.iter().map(&mut advance).sum()
     }

@@ -82,7 +82,7 @@ fn bench(asked: &Cli) -> Result<bool, Error> {
 struct Group {
     /// One word.
     name: &'static str,
-    /// What it measures, for the help.
+    /// Quantity that it measures, for the help.
     about: &'static str,
     measure: fn(&Bench, &mut Report) -> Result<(), Error>,
 }
@@ -129,7 +129,7 @@ const GROUPS: [Group; 7] = [
     },
 ];
 
-/// What the groups share.
+/// State that the groups share.
 struct Bench {
     rounds: u32,
     directory: TempDir,
@@ -156,7 +156,7 @@ impl Bench {
 /// A ratio measured in several rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Ratio {
-    /// Of the rounds.
+    /// Median of the rounds.
     median: f64,
     /// The least of them.
     least: f64,
@@ -164,7 +164,7 @@ struct Ratio {
     most: f64,
 }
 
-/// What a ratio has to be.
+/// Requirement on a ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Floor {
@@ -179,13 +179,13 @@ enum Floor {
 /// One figure beside its limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct Row {
-    /// What is measured.
+    /// Our side, in words.
     what: &'static str,
-    /// What it is measured against.
+    /// The other side, in words.
     against: &'static str,
-    /// What the ratio has to be.
+    /// Requirement on the ratio.
     floor: Floor,
-    /// What it is.
+    /// The measured ratio.
     ratio: Ratio,
     /// Our figure in a unit of its own, of the median round: of this machine today.
     figure: String,
@@ -199,7 +199,7 @@ struct Rounds {
 }
 
 impl Row {
-    /// Whether the median keeps to the floor.
+    /// True if the median keeps to the floor.
     fn is_met(&self) -> bool {
         match self.floor {
             Floor::AtLeast(floor) => self.ratio.median >= floor,
@@ -261,7 +261,7 @@ impl Ratio {
     }
 }
 
-/// How long `work` takes.
+/// Time of `work`.
 fn timed<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<Duration, Error> {
     let start = Instant::now();
     work()?;

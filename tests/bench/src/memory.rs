@@ -23,7 +23,7 @@ const DT_S: f64 = 1e-6;
 
 const ANALYSES: [&str; 3] = ["energies", "impurity", "contacts"];
 
-/// How often a process is asked how much it has had.
+/// Interval at which a process is asked for its peak memory.
 const LOOK: Duration = Duration::from_millis(5);
 
 pub(super) fn rows(_: &Bench, report: &mut Report) -> Result<(), Error> {
@@ -56,7 +56,7 @@ fn once(ours: u64, theirs: u64) -> Rounds {
 
 /// A run that three analyses have followed, four processes.
 struct Followed {
-    /// Of the producer, then of the analyses.
+    /// Peaks of the producer, then of the analyses.
     peaks_bytes: [u64; 1 + ANALYSES.len()],
     /// Frames that reached every analysis.
     fewest_received: u64,

@@ -11,10 +11,10 @@ use std::fmt::Write as _;
 use std::io;
 use std::time::Duration;
 
-/// How long a listener waits before it takes the bench for ended.
+/// Silence after which a listener takes the bench for ended.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// What both sides say when a process can be measured.
+/// Word of both sides when a process can be measured.
 pub(super) const ATTACHED: &str = "attached";
 pub(super) const READY: &str = "ready";
 
@@ -38,7 +38,7 @@ pub(super) fn now_ns() -> Result<u64, Error> {
     Ok(u64::try_from(now.as_nanos())?)
 }
 
-/// Says the sum of `count` slices from a bare publisher.
+/// Prints the sum of `count` slices from a bare publisher.
 fn sum_slices(name: &str, count: u64) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let subscriber = BareSubscriber::create(&bus, name)?;
@@ -55,7 +55,7 @@ fn sum_slices(name: &str, count: u64) -> Result<(), Error> {
     say(&total.to_string())
 }
 
-/// In eight sums, as one would wait for itself.
+/// Sums in eight parts: each addition to a single sum would wait for the one before.
 fn sum(doubles: &[f64]) -> f64 {
     let (chunks, rest) = doubles.as_chunks::<8>();
     let mut sums = [0.0; 8];
@@ -65,7 +65,7 @@ fn sum(doubles: &[f64]) -> f64 {
     sums.iter().chain(rest).sum()
 }
 
-/// Says when it was woken, each time.
+/// Prints the time of each wake-up.
 fn listen(name: &str) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let listener = BareListener::create(&bus, name)?;
@@ -77,7 +77,7 @@ fn listen(name: &str) -> Result<(), Error> {
     say(times.trim_end())
 }
 
-/// Says when each frame of a run came.
+/// Prints the time at which each frame of a run came.
 fn receive(name: &RunName) -> Result<(), Error> {
     let bus = Bus::from_env()?;
     let mut source = LiveSource::attach(&bus, Some(name), Delivery::Lossless, &AttachOptions::default())?;

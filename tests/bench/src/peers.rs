@@ -1,4 +1,4 @@
-//! What users run today: the same chain by LAMMPS, Numba and `numpy`, each on the same core as ours.
+//! Programs that users run today: the same chain by LAMMPS, Numba and `numpy`, each on the same core as ours.
 
 mod inputs;
 mod piece;
@@ -20,10 +20,10 @@ use std::time::Duration;
 /// positions have fewer digits for an overlap than displacements have.
 const TOLERANCE: f64 = 1e-5;
 
-/// Someone to measure against, and how many times as fast we have to be.
+/// A program to measure against, its name, and the requirement on our speed.
 type Peer = (Program, &'static str, Floor);
 
-/// What is simulated, and against whom.
+/// Name of a simulation, the simulation, and its peers.
 type Series = (&'static str, fn() -> Result<Piece, Error>, [Peer; 4]);
 
 const SIMULATING: [Peer; 4] = [
@@ -73,7 +73,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     })
 }
 
-/// Says which version was found, or what is missing.
+/// True if the program was found. Prints its version, or what is missing.
 fn is_there(program: Program) -> bool {
     match program.version() {
         Ok(version) => notice(&format!("measuring against {version}")),

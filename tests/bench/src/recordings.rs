@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 /// Frames that are kept in memory: 16 kB each.
 const KEPT: u64 = 6000;
 
-/// How often all of them are compressed into a file: what it costs to create and close one is the disk's.
+/// Number of times that all of them are compressed into a file: the cost to create and close one is the disk's.
 const ZSTD_TIMES: usize = 4;
 
 /// Frames of the light-impurity run from its middle, in memory, and all of it in files.

@@ -35,7 +35,7 @@ impl Report {
         Self { json, group: "", rounds, rows: Vec::new() }
     }
 
-    /// Whether every row keeps to its floor.
+    /// True if every row keeps to its floor.
     pub(crate) fn is_met(&self) -> bool {
         self.rows.iter().all(|row| row.met)
     }

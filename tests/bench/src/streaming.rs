@@ -15,13 +15,13 @@ use schemas::manifest::RunManifest;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-/// How often the frames in memory are sent, so that starting and ending do not count.
+/// Number of times that the frames in memory are sent, so that starting and ending do not count.
 const TURNS: usize = 10;
 
 /// Longest time that a consumer may take to attach.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// How long a consumer is watched that has nothing to do.
+/// Time for which a consumer that has nothing to do is watched.
 const IDLE: Duration = Duration::from_secs(1);
 
 pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
@@ -243,7 +243,7 @@ fn await_join(publisher: &mut StatePublisher) -> Result<(), Error> {
     Err(anyhow!("no consumer attached within {} s", PATIENCE.as_secs()))
 }
 
-/// Whether a consumer that has ended got every frame.
+/// Checks that a consumer that has ended got every frame.
 fn got_all(consumer: Process, count: u64) -> Result<(), Error> {
     let summary = consumer.finish_json()?;
     if summary["frames_received"] == count && summary["frames_missed"] == 0 {

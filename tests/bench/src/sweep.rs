@@ -16,7 +16,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
-/// What most points of a large sweep are: short runs of short chains.
+/// Typical points of a large sweep: short runs of short chains.
 const POINTS: &str = "\
 [base]
 preset = \"light-impurity\"

@@ -6,7 +6,7 @@ use figure::diverging;
 /// Velocities of less than this part of the scale are white; the colours span the decades from there to the scale.
 const LEAST: f64 = 1e-3;
 
-/// Where nothing is known.
+/// Colour where nothing is known.
 pub(super) const NOTHING: [u8; 3] = [0xC0; 3];
 
 /// The colour of `v`, fullest at `scale`, by the logarithm: a weak pulse is seen beside a strong one.

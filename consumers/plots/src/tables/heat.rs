@@ -14,13 +14,13 @@ const NEAR_ZERO: f64 = 0.35;
 pub struct HeatMap {
     /// The columns of the x axis, the y axis and the colours.
     pub columns: [String; 3],
-    /// Whether the axes are logarithmic.
+    /// True if the axes, x and y, are logarithmic.
     pub log: [bool; 2],
-    /// Whether colours follow the logarithm.
+    /// True if colours follow the logarithm.
     pub log_colours: bool,
     /// Their values, one for each pair of x and y.
     pub values: Vec<[f64; 3]>,
-    /// What is said under the panel.
+    /// Text under the panel.
     pub caption: String,
 }
 

@@ -1,4 +1,4 @@
-//! What a person reads for the name of a column.
+//! Words that a person reads for the name of a column.
 
 /// The ends of names that are units, the longest of those that fit first.
 const UNITS: [(&str, &str); 19] = [
@@ -23,7 +23,7 @@ const UNITS: [(&str, &str); 19] = [
     ("_s", "s"),
 ];
 
-/// What columns of statistics begin with.
+/// Prefixes of columns of statistics, and their words.
 const STATISTICS: [(&str, &str); 8] = [
     ("mean_", "mean of "),
     ("standard_error_", "standard error of "),

@@ -1,4 +1,4 @@
-//! Which columns are drawn where nobody said it.
+//! Choice of the columns that are drawn where nobody named them.
 
 use super::columns::{Columns, Keys};
 use crate::args::{AxisArg, PlotArgs};
@@ -15,13 +15,13 @@ const FAVOURITES: [&str; 3] = ["corrected_over_incident", "reflected_over_total"
 const ABOUT_RUNS: [&str; 6] =
     ["steps", "time_s", "dt_s", "split_bead", "relative_drift", "max_abs_relative_drift"];
 
-/// What conserved quantities differ by from run to run, as parts of their size, is no result.
+/// Relative difference between runs up to which a quantity is conserved. Such a quantity is no result.
 const ROUNDING: f64 = 1e-3;
 
 /// The key that makes the members of an ensemble: no axis, if there is another.
 const SEED: &str = "seed";
 
-/// What is drawn.
+/// Contents of a drawing.
 #[derive(Debug)]
 pub(super) struct Choice {
     pub(super) x: String,
@@ -36,7 +36,7 @@ pub(super) struct Choice {
     pub(super) log: [bool; 2],
 }
 
-/// How it is drawn.
+/// Kind of a drawing.
 #[derive(Debug)]
 pub(super) enum Drawn {
     /// A curve for each value of a column, if there is one.

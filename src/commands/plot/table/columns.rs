@@ -6,7 +6,7 @@ use consumers::table::Cell;
 use consumers::table::read::{self, ReadTableError};
 use std::path::Path;
 
-/// What the columns of an ensemble's table begin with, of each result.
+/// Prefix of the first column of each result in an ensemble's table.
 const MEAN: &str = "mean_";
 
 /// A table in memory.
@@ -31,7 +31,7 @@ pub(super) enum Column {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Members {
     count: u64,
-    /// Those without a value.
+    /// Number of points without a value.
     missing: u64,
 }
 
@@ -77,7 +77,7 @@ impl Columns {
         results
     }
 
-    /// Whether its rows are statistics.
+    /// True if the rows are statistics.
     pub(super) fn is_ensemble(&self) -> bool {
         self.find("count").is_some() && self.0.iter().any(|column| column.name.starts_with(MEAN))
     }
@@ -116,7 +116,7 @@ impl Columns {
         names.filter(|name| self.is_numeric(name)).collect()
     }
 
-    /// Whether a column has numbers and no words.
+    /// True if a column has numbers and no words.
     pub(super) fn is_numeric(&self, name: &str) -> bool {
         let column = self.find(name).or_else(|| self.find(&format!("{MEAN}{name}")));
         column.is_some_and(|column| {
@@ -205,7 +205,7 @@ impl Column {
     }
 }
 
-/// Whether the results begin with this column.
+/// True if the results begin with this column.
 fn is_first_result(name: &str) -> bool {
     name == "end" || name == "count"
 }

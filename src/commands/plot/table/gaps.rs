@@ -11,7 +11,7 @@ pub(super) struct Gaps {
     pub(super) column: String,
     /// Rows of the table.
     rows: u64,
-    /// Those without a value of the column.
+    /// Number of rows without a value of the column.
     without_value: u64,
     /// Rows without a number for an axis, and points that a logarithmic axis cannot show.
     off_axes: u64,

@@ -6,19 +6,19 @@ use producer::state::ChainState;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
-/// Where the columns stand that depend on the split bead: left, split, right, inbound.
+/// Places of the columns that depend on the split bead: left, split, right, inbound.
 const OF_SPLIT: [usize; 4] = [3, 4, 5, 8];
 
-/// The one that depends on what was before, too.
+/// Place of the column that depends on earlier frames, too.
 const CORRECTED: usize = 9;
 
-/// In longer chains another split bead is not looked for: that takes a time that grows with the square of them.
+/// Most beads of a chain in which another split bead is looked for: the time for that grows with their square.
 const MOST_BEADS: u64 = 20_000;
 
 /// The analysis beside its rows.
 pub(super) struct EnergyRows {
     split: u64,
-    /// Since the first frame there is, and since the first row.
+    /// Analyses since the first frame there is, and since the first row.
     since: [Energies; 2],
     has_begun: bool,
     /// Step of the first frame there is.
@@ -26,7 +26,7 @@ pub(super) struct EnergyRows {
     /// Which of the two the corrected energies may be of, or of an analysis that came after the pulse had arrived.
     possible: [bool; 3],
     inconsistent_from: Option<u64>,
-    /// Whether only columns that depend on the split bead have differed.
+    /// True if a column that depends on the split bead has differed.
     differs_in_split: bool,
     differs_elsewhere: bool,
     /// The last frame with a row, once one has differed.
@@ -53,7 +53,7 @@ impl EnergyRows {
         }
     }
 
-    /// What is wrong with the row of `frame`, which has values of these names.
+    /// The error in the row of `frame`, which has values of these names; none if the row is right.
     pub(super) fn take_named(&mut self, frame: &Frame<'_>, names: &[&str], values: &[f64]) -> Option<String> {
         if !EnergyRow::COLUMNS.starts_with(names) {
             return Some(format!("it has the columns {}", names.join(",")));
@@ -62,7 +62,7 @@ impl EnergyRows {
         self.take(frame, Some(&std::array::from_fn(|at| values.get(at).copied().unwrap_or(0.0))))
     }
 
-    /// What is wrong with the row of `frame`, if it has one.
+    /// The error in the row of `frame`; none if the row is right, or if the frame should have none and has none.
     pub(super) fn take(
         &mut self,
         frame: &Frame<'_>,

@@ -1,4 +1,4 @@
-//! What other programs read: their own scripts, and the chain with the state to start from.
+//! Inputs of other programs: their own scripts, and the chain with the state to start from.
 
 use super::piece::Piece;
 use anyhow::Error;

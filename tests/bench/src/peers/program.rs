@@ -23,7 +23,7 @@ pub(super) enum Program {
     NumPy,
 }
 
-/// How long the steps took by the program's own clock, and where they led.
+/// Result of a program: the time of the steps by the program's own clock, and the last velocities.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Outcome {
     pub(super) time: Duration,
@@ -36,7 +36,7 @@ impl Program {
     pub(super) const ALL: [Self; 3] =
         [Self::Lammps { states: "" }, Self::Numba { loops: "fused" }, Self::NumPy];
 
-    /// Whether it is the same program, used in another way perhaps.
+    /// True if it is the same program, perhaps used in another way.
     pub(super) fn is_same_as(&self, other: &Self) -> bool {
         std::mem::discriminant(self) == std::mem::discriminant(other)
     }
@@ -156,7 +156,7 @@ fn python_version(program: &str, module: &str) -> Result<String, String> {
     }
 }
 
-/// What LAMMPS printed, and its dump of the last velocities.
+/// Outcome of LAMMPS, from its output and its dump of the last velocities.
 fn lammps_outcome(printed: &str, end: &str) -> anyhow::Result<Outcome> {
     let loop_time =
         printed.lines().find_map(|line| line.strip_prefix("Loop time of ")).context("no loop time")?;

@@ -1,4 +1,4 @@
-//! How long a frame takes to a consumer that waits for it, against a bare wake-up.
+//! Time of a frame to a consumer that waits for it, against a bare wake-up.
 
 use super::super::part::{READY, now_ns};
 use super::{Floor, Process, Rounds, Row, Streams, wait};
@@ -55,7 +55,7 @@ fn measure(streams: &Streams<'_>, count: usize) -> Result<(Vec<f64>, Vec<f64>), 
     Ok((delays(&frames_ns, receiver)?, delays(&wakes_ns, listener)?))
 }
 
-/// From each sending to the first arrival after it, of those that the process tells.
+/// Times from each sending to the first arrival after it, of those that the process tells.
 fn delays(sent_ns: &[u64], process: Process) -> Result<Vec<f64>, Error> {
     let text = process.finish()?;
     let came_ns: Vec<u64> = text.lines().map(str::parse).collect::<Result<_, _>>()?;
