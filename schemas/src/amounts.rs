@@ -98,13 +98,13 @@ pub fn range([from, to]: [f64; 2], unit: &str) -> String {
     format!("{} to {} {prefix}{unit}", number(from / one), number(to / one))
 }
 
-/// The unit with the prefix that makes `value` 1 to 1000, and what one of it is.
+/// The unit with the prefix that makes `value` 1 to 1000, and the size of that unit.
 pub fn unit(value: f64, unit: &str) -> (String, f64) {
     let (prefix, one) = prefix(value);
     (format!("{prefix}{unit}"), one)
 }
 
-/// The prefix that makes a number 1 to 1000, and what it stands for; none where there is no such prefix.
+/// The prefix that makes a number 1 to 1000, and its factor; no prefix and 1 where there is none.
 fn prefix(value: f64) -> (&'static str, f64) {
     const PREFIXES: [(i32, &str, f64); 5] =
         [(-15, "f", 1e-15), (-12, "p", 1e-12), (-9, "n", 1e-9), (-6, "µ", 1e-6), (-3, "m", 1e-3)];
@@ -114,7 +114,7 @@ fn prefix(value: f64) -> (&'static str, f64) {
     found.map_or(("", 1.0), |(_, name, one)| (*name, *one))
 }
 
-/// A number with so many decimals; zero has no sign.
+/// A number with `decimals` decimals; zero has no sign.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {

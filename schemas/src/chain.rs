@@ -28,25 +28,25 @@ pub struct Chain {
     pub rest_force_n: Vec<f64>,
     /// Potential energy of each contact (J) at its rest overlap, N − 1 values.
     pub rest_energy_j: Vec<f64>,
-    /// What the end beads touch.
+    /// Contacts of the end beads with the walls.
     pub walls: Walls,
-    /// What contacts dissipate.
+    /// Damping of the contacts, if they have any.
     pub damping: Option<ContactDamping>,
     /// The contact law of every contact.
     pub law: ContactLaw,
-    /// What is added to the force of each contact.
+    /// Further terms of the force of each contact.
     pub terms: Vec<Term>,
-    /// What acts on each bead beside its contacts.
+    /// Springs, drag and resonators of each bead.
     pub sites: Sites,
-    /// Whether the last bead touches the first one: this contact then stands in the place of the left wall.
+    /// True if the last bead touches the first one: this contact then stands in the place of the left wall.
     pub is_ring: bool,
-    /// Whether bonds, which pull as well as push, take the place of contacts.
+    /// True if bonds, which pull as well as push, take the place of contacts.
     pub is_bonded: bool,
-    /// What the rows of a state's `extra` are.
+    /// Layout of the rows of a state's `extra`.
     pub rows: Rows,
     /// The drives that move the left and the right wall.
     pub moved_walls: [Option<usize>; 2],
-    /// Looked up for every frame, so decided once.
+    /// True if a contact between two beads has an overlap at rest; stored, because every frame asks for it.
     is_loaded: bool,
 }
 
@@ -62,7 +62,7 @@ pub struct Walls {
 /// The contact of an end bead with a wall; all zeros at a free end.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wall {
-    /// Whether there is one.
+    /// True if there is a wall.
     pub is_there: bool,
     /// Stiffness of the contact (N·m^−α), 0 at a free end.
     pub stiffness: f64,
@@ -174,7 +174,7 @@ impl Chain {
         Self { terms, ..self }
     }
 
-    /// Whether a contact between two beads has an overlap at rest.
+    /// True if a contact between two beads has an overlap at rest.
     pub fn is_loaded(&self) -> bool {
         self.is_loaded
     }
@@ -207,7 +207,7 @@ impl Chain {
         self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness[contact], overlap_m))
     }
 
-    /// Forces (N) of the contacts with the left and with the right wall, those at rest included; of a ring the first is that of
+    /// Forces (N) of the contacts with the left and the right wall, forces at rest included. In a ring the first is the force of
     /// the contact that closes it.
     pub fn wall_forces_n(&self, u_m: &[f64], extra: &[f64]) -> [f64; 2] {
         let [left_m, right_m] = self.wall_approaches_m(u_m, extra);
@@ -220,8 +220,8 @@ impl Chain {
         })
     }
 
-    /// Force (N) with which a contact pushes, that at rest included, of its `elastic_n` (N), where it overlaps by `overlap_m` (m), which
-    /// grows by `rate_m_s` (m/s), and has the damping coefficient `coefficient`.
+    /// Force (N) of a damped contact, force at rest included: `elastic_n` (N) is its force without damping, `overlap_m` (m) its
+    /// overlap, which grows by `rate_m_s` (m/s), and `coefficient` its damping coefficient.
     pub fn damped_n(&self, elastic_n: f64, overlap_m: f64, rate_m_s: f64, coefficient: f64) -> f64 {
         let Some(damping) = &self.damping else { return elastic_n };
         if !self.is_bonded && overlap_m <= self.law.zero_up_to_m() {
@@ -244,7 +244,7 @@ impl Chain {
         (0..self.contact_count()).map(tangent).collect()
     }
 
-    /// The same of the contacts with the walls, 0 at free ends; of a ring the first is that of the contact that closes it.
+    /// The same slopes of the contacts with the walls, 0 at free ends; in a ring the first is that of the contact that closes it.
     pub fn wall_tangents_n_per_m(&self) -> [f64; 2] {
         [0, 1].map(|side| {
             let Wall { is_there, stiffness, rest_overlap_m: rest_m, .. } = *self.wall(side);
@@ -254,13 +254,13 @@ impl Chain {
         })
     }
 
-    /// The left wall (0), or the contact that closes a ring, or the right one (1).
+    /// The left wall, or the contact that closes a ring (0), or the right wall (1).
     pub fn wall(&self, side: usize) -> &Wall {
         if side == 0 { &self.walls.left } else { &self.walls.right }
     }
 
     /// Kinetic energy (J) of the beads `beads` at the velocities `v_m_s` (N values, m/s), as an
-    /// [`ordered_sum`] that wants to be [`vectorized`].
+    /// [`ordered_sum`] for use in [`vectorized`].
     #[inline(always)]
     pub fn kinetic_j(&self, v_m_s: &[f64], beads: Range<usize>) -> f64 {
         let (masses, v) = (&self.mass_kg[beads.clone()], &v_m_s[beads]);
@@ -336,8 +336,8 @@ impl Chain {
         })
     }
 
-    /// How much nearer (m) than at rest the end beads are to the left and to the right wall; in a ring, how much nearer the last
-    /// bead is to the first one.
+    /// Distances (m) by which the end beads are nearer to the left and the right wall than at rest; in a ring the first is that of
+    /// the last bead to the first one.
     pub fn wall_approaches_m(&self, u_m: &[f64], extra: &[f64]) -> [f64; 2] {
         if self.is_ring {
             return [u_m[u_m.len() - 1] - u_m[0], 0.0];
@@ -346,7 +346,7 @@ impl Chain {
         [left_m - u_m[0], u_m[u_m.len() - 1] - right_m]
     }
 
-    /// How fast (m/s) the end beads come nearer to walls that stand still; in a ring, the last bead to the first one.
+    /// Speeds (m/s) at which the end beads approach walls that stand still; in a ring the first is that of the last bead to the first.
     pub fn wall_approach_rates_m_s(&self, v_m_s: &[f64]) -> [f64; 2] {
         let last_m_s = v_m_s[v_m_s.len() - 1];
         if self.is_ring { [last_m_s - v_m_s[0], 0.0] } else { [-v_m_s[0], last_m_s] }
@@ -358,12 +358,12 @@ impl Chain {
         self.moved_walls.map(|drive| drive.and_then(|d| drives.get(2 * d + 1)).copied().unwrap_or(0.0))
     }
 
-    /// Energy of what is on the beads `beads` beside their contacts, in a state with this `extra`.
+    /// Energy of the springs and resonators of the beads `beads`, in a state with this `extra`.
     pub fn sites_energy(&self, u_m: &[f64], extra: &[f64], beads: Range<usize>) -> Energy {
         self.with_sites(Energy::default(), u_m, extra, beads)
     }
 
-    /// `energy`, and what is on the beads `beads` beside their contacts, one kind after the other.
+    /// Adds the energies of the springs and of the resonators of the beads `beads` to `energy`, one kind after the other.
     fn with_sites(&self, mut energy: Energy, u_m: &[f64], extra: &[f64], beads: Range<usize>) -> Energy {
         if self.sites.has_springs() {
             energy.potential_j += self.sites.springs_j(u_m, beads.clone());

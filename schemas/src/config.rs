@@ -36,44 +36,44 @@ pub struct RunConfig {
     /// Name of the run on the bus, `[a-z0-9-]{1,64}`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// What disorder and thermal velocities are made of.
+    /// Seed of disorder and thermal velocities.
     #[serde(default, skip_serializing_if = "is_seedless")]
     pub seed: u64,
     /// The beads and their contacts.
     pub chain: ChainConfig,
-    /// What chance makes of the chain, in turn.
+    /// Random changes of the chain, in turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub disorder: Vec<Disorder>,
-    /// What the ends of the chain touch.
+    /// Conditions at the ends of the chain.
     #[serde(default, skip_serializing_if = "EndsConfig::is_free")]
     pub ends: EndsConfig,
-    /// What loads the chain before the shock.
+    /// Load of the chain before the shock.
     #[serde(default, skip_serializing_if = "LoadConfig::is_none")]
     pub load: LoadConfig,
-    /// What contacts dissipate.
+    /// Damping of the contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingConfig>,
-    /// What holds each bead at its place.
+    /// Springs and drag of each bead.
     #[serde(default, skip_serializing_if = "OnSite::is_none")]
     pub on_site: OnSite,
-    /// What swings inside each bead.
+    /// Resonators inside the beads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resonators: Option<Resonators>,
     /// The beads that are struck at the beginning.
     #[serde(default)]
     pub striker: Strikers,
-    /// How the chain begins, beside its strikers.
+    /// Initial state, beside the strikers.
     #[serde(default, skip_serializing_if = "Initial::is_none")]
     pub initial: Initial,
-    /// What moves walls and beads.
+    /// Drives of walls and beads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drive: Vec<Drive>,
-    /// How long to simulate, and with which step.
+    /// Duration and time step.
     pub time: TimeConfig,
     /// The integration method.
     #[serde(default)]
     pub integrator: IntegratorConfig,
-    /// What is published and recorded.
+    /// Intervals of publishing and recording.
     #[serde(default)]
     pub stream: StreamConfig,
 }
@@ -84,14 +84,14 @@ pub struct RunConfig {
 pub struct ChainConfig {
     /// Number of beads N.
     pub beads: u64,
-    /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: that of the first.
+    /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: the first sphere gives it.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub bead_mass_kg: f64,
     /// Exponent α of the contact law. May be left out with `spheres`, where it is 1.5, and with `bonds`.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub alpha: f64,
     /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. It is left out with `spheres`, and may be with
-    /// `bonds`: that of the first contact.
+    /// `bonds`: the first contact gives it.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub stiffness: f64,
     /// A rule for the masses of all beads.
@@ -109,7 +109,7 @@ pub struct ChainConfig {
     /// Spheres of given materials, whose masses and stiffnesses take the place of all others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spheres: Option<Spheres>,
-    /// Spheres that differ from those.
+    /// Spheres that differ from the others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub odd_spheres: Vec<OddSphere>,
     /// The exponent of each contact, in place of `alpha`.
@@ -126,7 +126,7 @@ pub struct ChainConfig {
     pub bonds: Option<Bonds>,
 }
 
-/// A number that a configuration does not give; [`RunConfig::from_toml`] finds it, or says that it is missing.
+/// A number that a configuration leaves out; [`RunConfig::from_toml`] finds it, or reports that it is missing.
 fn left_out() -> f64 {
     f64::NAN
 }
@@ -173,14 +173,14 @@ pub enum StiffnessRule {
 }
 
 impl MassRule {
-    /// Whether it is the usual one.
+    /// True if it is the usual rule, [`Self::Uniform`].
     pub fn is_uniform(&self) -> bool {
         *self == Self::Uniform
     }
 }
 
 impl StiffnessRule {
-    /// Whether it is the usual one.
+    /// True if it is the usual rule, [`Self::Uniform`].
     pub fn is_uniform(&self) -> bool {
         *self == Self::Uniform
     }
@@ -190,7 +190,7 @@ impl StiffnessRule {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OddContact {
-    /// Which contact, from 0; it joins the beads `contact` and `contact + 1`.
+    /// Number of the contact, from 0; it joins the beads `contact` and `contact + 1`.
     pub contact: u64,
     /// Its stiffness (N·m^−α).
     pub stiffness: f64,
@@ -200,9 +200,9 @@ pub struct OddContact {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EndsConfig {
-    /// What is left of bead 0.
+    /// The left end, beside bead 0.
     pub left: End,
-    /// What is right of the last bead.
+    /// The right end, beside the last bead.
     pub right: End,
     /// Stiffness (N·m^−α) of the contact with the left wall [default: that of the chain].
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -210,10 +210,10 @@ pub struct EndsConfig {
     /// Stiffness (N·m^−α) of the contact with the right wall [default: that of the chain].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub right_stiffness: Option<f64>,
-    /// What the left wall is made of, with spheres [default: that of the end bead].
+    /// Material of the left wall, with spheres [default: that of the end bead].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_material: Option<WallMaterial>,
-    /// What the right wall is made of, with spheres [default: that of the end bead].
+    /// Material of the right wall, with spheres [default: that of the end bead].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub right_material: Option<WallMaterial>,
     /// Beads with drag at an absorbing end [default: a fifth of the chain, at most 100].
@@ -224,7 +224,7 @@ pub struct EndsConfig {
     pub absorbing_drag_n_s_per_m: Option<f64>,
 }
 
-/// What is beyond an end of the chain.
+/// The condition at an end of the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
@@ -235,12 +235,12 @@ pub enum End {
     Fixed,
     /// The other end: the last bead touches the first one.
     Periodic,
-    /// Nothing, and beads that are slowed down the more the nearer they are to it.
+    /// A free end, with drag on the beads near it that grows towards the end.
     Absorbing,
 }
 
 impl EndsConfig {
-    /// Whether nothing is beyond either end.
+    /// True if both ends are free and nothing else is set.
     pub fn is_free(&self) -> bool {
         *self == Self::default()
     }
@@ -254,14 +254,14 @@ pub struct LoadConfig {
     /// the weight.
     #[serde(skip_serializing_if = "is_zero")]
     pub gravity_m_s2: f64,
-    /// Force (N) with which the chain is pressed together from both ends: by walls where there are, by a
-    /// constant force on the end bead where not.
+    /// Force (N) that presses the chain together from both ends: a wall exerts it, or a constant force on the end bead where
+    /// there is no wall.
     #[serde(skip_serializing_if = "is_zero")]
     pub precompression_n: f64,
 }
 
 impl LoadConfig {
-    /// Whether nothing loads the chain.
+    /// True if nothing loads the chain.
     pub fn is_none(&self) -> bool {
         self.gravity_m_s2 == 0.0 && self.precompression_n == 0.0
     }
@@ -276,7 +276,7 @@ fn is_zero(value: &f64) -> bool {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Impurity {
-    /// Which bead, from 0.
+    /// Number of the bead, from 0.
     pub bead: u64,
     /// Its mass (kg).
     pub mass_kg: f64,
@@ -286,7 +286,7 @@ pub struct Impurity {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrikerConfig {
-    /// Which bead, from 0.
+    /// Number of the bead, from 0.
     pub bead: u64,
     /// Its initial velocity v0 (m/s); positive is towards higher bead numbers.
     pub velocity_m_s: f64,
@@ -322,9 +322,9 @@ impl Default for IntegratorConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StreamConfig {
-    /// Every how many steps a frame is published.
+    /// Number of steps from one published frame to the next.
     pub publish_every_steps: u64,
-    /// Every how many steps a frame is recorded; a multiple of `publish_every_steps`.
+    /// Number of steps from one recorded frame to the next; a multiple of `publish_every_steps`.
     pub record_every_steps: u64,
 }
 
@@ -346,7 +346,7 @@ impl RunConfig {
         Ok(config)
     }
 
-    /// Like [`Self::from_toml`], of a chain that nothing has to move: for what is asked of the chain and not of a run.
+    /// Like [`Self::from_toml`], but for questions about the chain and not about a run: nothing has to move the chain.
     ///
     /// # Errors
     /// As [`Self::from_toml`].
@@ -386,7 +386,7 @@ impl RunConfig {
         }
     }
 
-    /// With what `document`, which it was read from, leaves open.
+    /// Fills in the numbers and the method that `document`, the source of this configuration, leaves open.
     fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
         self.fill_in(document)?;
         if !document.contains_key("integrator") {
@@ -395,7 +395,7 @@ impl RunConfig {
         Ok(self)
     }
 
-    /// The numbers of the scales that `document` does not write, where spheres or bonds give them.
+    /// Fills in the numbers of the scales that `document` leaves out, where spheres or bonds give them.
     fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
         let written = document.get("chain").and_then(toml::Value::as_table);
         let chain = &mut self.chain;
@@ -426,7 +426,7 @@ impl RunConfig {
         Ok(())
     }
 
-    /// The method where a configuration names none: the usual one, or one that takes forces of velocities where there are any.
+    /// The method of a configuration that names none: the usual one, or one that takes forces of velocities if there are any.
     fn default_method(&self) -> Method {
         let is_slowed = self.on_site.drag_n_s_per_m.is_some()
             || [self.ends.left, self.ends.right].contains(&End::Absorbing);
@@ -454,7 +454,7 @@ impl RunConfig {
     }
 }
 
-/// Refuses texts that nobody could be shown.
+/// Refuses texts that are too long to be shown.
 fn check_texts(document: &toml::Table) -> Result<(), ConfigError> {
     let Some((key, bytes)) = long_text(document) else { return Ok(()) };
     let allowed = format!("texts of at most {} bytes", count(MAX_TEXT_BYTES as u64));
@@ -491,7 +491,7 @@ mod tests {
         assert_eq!(RunConfig::from_toml(&config.to_toml()), Ok(config));
     }
 
-    /// What a configuration may say beyond equal beads between free ends.
+    /// A configuration with rules beyond equal beads between free ends.
     #[test]
     fn every_rule_can_be_written() {
         let text = "[chain]\nbeads = 3\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n\
@@ -540,7 +540,7 @@ mod tests {
         assert!(error.message.contains("stifness") && error.message.contains("stiffness"), "{error}");
     }
 
-    /// A number that is none is not one that was left out, also where spheres would give it.
+    /// NaN is not a number that was left out, also where spheres would give that number.
     #[test]
     fn nan_is_not_missing() {
         for (from, to, says) in [

@@ -9,13 +9,13 @@ pub(crate) const EXAMPLE: &str = "`beadline preset light-impurity` prints a whol
 /// The reason why a configuration cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConfigError {
-    /// The file that it was read from, if it was one.
+    /// The file of the configuration, if it was read from a file.
     pub path: Option<PathBuf>,
     /// The line (from 1), if the value stands in a file.
     pub line: Option<usize>,
     /// The key, such as `chain.alpha`; empty if the text could not be read at all.
     pub key: String,
-    /// What was found, what is allowed.
+    /// The value found, and the values allowed.
     pub message: String,
 }
 

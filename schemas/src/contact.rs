@@ -6,7 +6,7 @@
 use crate::power::{PowerTable, Powers, bounds};
 use std::sync::Arc;
 
-/// How `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
+/// Form in which `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
 #[derive(Debug, Clone)]
 enum Form {
     /// α = 1: `δ`
@@ -144,7 +144,7 @@ impl ContactLaw {
 
 /// Something that evaluates powers of many overlaps; see [`ContactLaw::with_power`].
 pub trait PowerUser {
-    /// What it computes.
+    /// The result of the evaluation.
     type Output;
 
     /// Runs with the power of a law.
@@ -153,10 +153,10 @@ pub trait PowerUser {
 
 /// `δ^α` of overlaps that are 0 or above [the bound](ContactLaw::zero_up_to_m); 0 of 0.
 pub trait Power: Copy {
-    /// Of a block of overlaps.
+    /// Powers of a block of overlaps.
     fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK];
 
-    /// Of one overlap.
+    /// Power of one overlap.
     fn raise_one(self, overlap: f64) -> f64;
 }
 
@@ -195,9 +195,9 @@ impl Power for Powers<'_> {
 /// Contacts that are looked at together. Loops over fewer are not compiled for vectors.
 pub const BLOCK: usize = 32;
 
-/// Evaluates neighbouring contacts, of which `known` has `K` numbers each, into `values`: `value(known, δ, δ^α)` with
-/// `δ = overlap(known)`, or 0 where that is not above `zero_up_to_m`. `takes(number, any_closed)` is asked for each block, counted
-/// from 0, whether it is to be evaluated; the values of the others are 0.
+/// Evaluates neighbouring contacts into `values`. A contact has the value `value(known, δ, δ^α)`: `known` holds its `K` numbers, and
+/// `δ = overlap(known)`, or 0 where that is not above `zero_up_to_m`. `takes(number, any_closed)` decides for each block, counted
+/// from 0, whether it is evaluated; the values of the others are 0.
 ///
 /// Call it through [`vectorized`](crate::simd::vectorized).
 #[inline(always)]

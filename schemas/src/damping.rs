@@ -1,4 +1,4 @@
-//! What closed contacts dissipate.
+//! Damping of closed contacts.
 //!
 //! A damped contact pushes with `F = k·δ^α + η·δ^p·dδ/dt` while it is closed, but never pulls: `F = 0` where that is
 //! negative. A dashpot has `p = 0`. With `p = (α−1)/2` the substitution `s = δ^((α+1)/2)` turns a collision
@@ -140,7 +140,7 @@ impl Damping {
         Ok(damping)
     }
 
-    /// Refuses what no run can have.
+    /// Refuses values that no run can have.
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
         match *self {
             Self::ViscousNSPerM(value) if (1e-100..=1e100).contains(&value) => Ok(()),
@@ -209,7 +209,7 @@ impl Damping {
         }
     }
 
-    /// Its key under `[damping]`.
+    /// Key of the damping under `[damping]`.
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::ViscousNSPerM(_) => "viscous_n_s_per_m",
@@ -238,7 +238,7 @@ impl Damping {
         matches!(self, Self::KuwabaraKonoS(_) | Self::Power(_))
     }
 
-    /// The part of the usual step that the time has in which it slows a bead down, where it has any.
+    /// Factor of the settling time, in which damping slows a bead down, in the usual step; none if that time does not limit it.
     pub(crate) fn settling_fraction(&self) -> Option<f64> {
         match self {
             Self::ViscousNSPerM(_) => Some(0.4),
@@ -256,7 +256,7 @@ impl Damping {
         }
     }
 
-    /// Where δ^p is computed as `δ^q/δ`: the law of δ^q with q = p + 1.
+    /// The law of δ^q with q = p + 1, for dampings that compute δ^p as `δ^q/δ`.
     pub fn raised(&self, alpha: f64) -> Option<ContactLaw> {
         match self {
             Self::ViscousNSPerM(_) | Self::Restitution(_) => None,
@@ -292,7 +292,7 @@ impl Factor {
 /// The damping of the contacts of a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactDamping {
-    /// What kind it is.
+    /// Kind of damping.
     pub kind: Damping,
     /// η of each contact (N·s·m^(−1−p)), N − 1 values.
     pub coefficient: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Drives: what a bead or a wall is made to do, or which force pushes a bead, as a function of time.
+//! Drives: functions of time that prescribe the motion of a bead or a wall, or the force on a bead.
 
 mod check;
 mod knots;
@@ -33,7 +33,7 @@ impl fmt::Display for Side {
     }
 }
 
-/// Where a drive acts.
+/// The place at which a drive acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place {
     /// At a wall.
@@ -51,7 +51,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// What a drive prescribes.
+/// The quantity that a drive prescribes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Quantity {
     /// A force on a bead (N), positive towards higher bead numbers, beside those of its contacts.
@@ -86,16 +86,16 @@ impl Quantity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "read::WrittenDrive", into = "read::WrittenDrive")]
 pub struct Drive {
-    /// Where.
+    /// The place at which it acts.
     pub at: Place,
-    /// What it prescribes there.
+    /// The quantity that it prescribes there.
     pub prescribes: Quantity,
     /// Its value at each time.
     pub waveform: Waveform,
 }
 
 impl Drive {
-    /// Refuses what no run of `duration_s` can have. `key` is where the drive stands: `drive[0]`.
+    /// Refuses a drive that no run of `duration_s` can have. `key` is its place in the configuration: `drive[0]`.
     ///
     /// # Errors
     /// When a number is impossible, a table ends before the run, or a displacement jumps.

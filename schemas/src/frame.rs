@@ -1,4 +1,4 @@
-//! Frames, and where they come from and go to.
+//! Frames, their sources and their sinks.
 
 use crate::manifest::RunManifest;
 use std::fmt;
@@ -30,7 +30,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Why no more frames come.
+/// The reason why no more frames come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EndReason {
     /// The run reached its last step.
@@ -43,7 +43,7 @@ pub enum EndReason {
     ProducerLost,
     /// The producer dropped this consumer because it held the run back for too long.
     Dropped,
-    /// The recording ends before it says so: it was not closed.
+    /// The recording was not closed: it stops before its end.
     Unfinished,
     /// We were asked to stop (a signal in this process).
     Stopped,
@@ -54,7 +54,7 @@ pub enum EndReason {
 }
 
 impl EndReason {
-    /// Whether the frames up to here are all that the run ever had, or all that its recorder wanted to have.
+    /// True if these are all the frames that the run ever had, or all that its recorder wanted to have.
     pub fn is_orderly(self) -> bool {
         matches!(self, Self::Complete | Self::Interrupted | Self::Continued | Self::Detached)
     }
@@ -81,7 +81,7 @@ impl fmt::Display for EndReason {
     }
 }
 
-/// What a source has next.
+/// The next thing from a source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Received<'a> {
     /// The next frame.
@@ -100,14 +100,14 @@ pub enum Received<'a> {
 /// A part of a run, in simulated time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
-    /// Begin (s): what comes before is passed over.
+    /// Begin (s): earlier frames are passed over.
     pub from_s: f64,
-    /// End (s): what is at this time still belongs to it.
+    /// End (s): a frame at this time still belongs to the window.
     pub until_s: f64,
 }
 
 impl Window {
-    /// Its steps.
+    /// The steps of the window.
     pub fn steps(&self, manifest: &RunManifest) -> RangeInclusive<u64> {
         let physics = &manifest.physics;
         physics.step_at_or_after(self.from_s)..=physics.step_at_or_before(self.until_s)
@@ -116,7 +116,7 @@ impl Window {
     /// All of a run.
     pub const WHOLE: Self = Self { from_s: 0.0, until_s: f64::INFINITY };
 
-    /// Of the frames `from` up to and including `to` the first and the last that lie within.
+    /// The first and the last of the frames `from` up to and including `to` that lie within; none if no frame does.
     pub fn clip(&self, manifest: &RunManifest, from: u64, to: u64) -> Option<(u64, u64)> {
         let physics = &manifest.physics;
         let first = physics.step_at_or_after(self.from_s).div_ceil(manifest.provenance.publish_every_steps);
@@ -125,18 +125,18 @@ impl Window {
         (from <= to).then_some((from, to))
     }
 
-    /// Whether no later step than `step` lies within, though the run goes on.
+    /// True if no step later than `step` lies within, though the run goes on.
     pub fn ends_at(&self, manifest: &RunManifest, step: u64) -> bool {
         step < manifest.physics.step_count && manifest.physics.time_s(step + 1) > self.until_s
     }
 }
 
-/// Where an analysis gets its frames from: a live run, a replay, a file or a re-simulation.
+/// Source of the frames of an analysis: a live run, a replay, a file or a re-simulation.
 ///
 /// A source never skips silently: undelivered frames are reported as [`Received::Missed`], in
 /// order, and after [`Received::End`] it only repeats the end.
 pub trait FrameSource {
-    /// What goes wrong in this kind of source.
+    /// The error of this kind of source.
     type Error: std::error::Error + Send + Sync + 'static;
 
     /// The run that the frames belong to.
@@ -161,9 +161,9 @@ impl<S: FrameSource + ?Sized> FrameSource for &mut S {
     }
 }
 
-/// Where a run's frames go: a publisher or a recorder.
+/// Sink of a run's frames: a publisher or a recorder.
 pub trait FrameSink {
-    /// What goes wrong in this kind of sink.
+    /// The error of this kind of sink.
     type Error: std::error::Error + Send + Sync + 'static;
 
     /// Takes one frame.
@@ -182,7 +182,7 @@ pub struct HeldFrame {
 }
 
 impl HeldFrame {
-    /// Replaces what is held, in the same memory.
+    /// Replaces the frame that is held, in the same memory.
     pub fn hold(&mut self, frame: &Frame<'_>) {
         (self.frame, self.step, self.time_s) = (frame.frame, frame.step, frame.time_s);
         for (held, part) in self.parts.iter_mut().zip([frame.u_m, frame.v_m_s, frame.extra]) {

@@ -1,6 +1,6 @@
 //! The project's own sine, cosine, exponential and logarithm, the same bits on every machine.
 //!
-//! Those of platforms differ between C libraries, so nothing that decides bits calls them. Every function here is made of
+//! Functions of platforms differ between C libraries, so nothing that decides bits calls them. Every function here is made of
 //! `+ − × ÷` and `⌊ ⌋` of doubles, each rounded once, in the order that `docs/KERNEL.md` states. Arguments of waves are pairs of
 //! doubles, reduced exactly from the number of the step: step 10^9 is as good as step 1.
 
@@ -22,7 +22,7 @@ const LOG2_E: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
 /// The double next to `√2`.
 const ROOT_2: f64 = f64::from_bits(0x3ff6_a09e_667f_3bcd);
 
-/// `a + b` exactly: the rounded sum and what rounding took (Knuth).
+/// `a + b` exactly: the rounded sum and the error of the rounding (Knuth).
 ///
 /// ```
 /// assert_eq!(schemas::functions::two_sum(1.0, 1e-30), (1.0, 1e-30));
@@ -41,7 +41,7 @@ pub fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, b - (sum - a))
 }
 
-/// `a·b` exactly: the rounded product and what rounding took (Dekker, with Veltkamp's halves). Factors are below 2^990 and the
+/// `a·b` exactly: the rounded product and the error of the rounding (Dekker, with Veltkamp's halves). Factors are below 2^990 and the
 /// product is 0 or from 2^−900 on.
 ///
 /// # Source

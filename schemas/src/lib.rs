@@ -1,8 +1,8 @@
-//! What a run, a frame and a recording are: in memory, on the bus, in a file.
+//! Runs, frames and recordings: in memory, on the bus, in a file.
 //!
-//! Start with [`manifest::RunManifest`], which is what a run is, and [`frame::Frame`], which is what
-//! it consists of. The physics that producers and consumers must agree on to the bit is the
-//! [`contact`] law, with its own [`power`] function, over a resolved [`chain`].
+//! Start with [`manifest::RunManifest`], the description of a run, and [`frame::Frame`], one state of
+//! it. Producers and consumers must agree to the bit on the [`contact`] law, with its own [`power`]
+//! function, over a resolved [`chain`].
 
 pub mod amounts;
 pub mod chain;

@@ -1,7 +1,7 @@
-//! The manifest: what a run is, validated and complete.
+//! The manifest: the description of a run, validated and complete.
 //!
-//! Architecture invariant: past this module nobody sees a [`RunConfig`]. What decides the bits of a
-//! run is in [`Physics`], and is stored, never derived a second time.
+//! Architecture invariant: past this module nobody sees a [`RunConfig`]. [`Physics`] holds everything that
+//! decides the bits of a run; it is stored, never derived a second time.
 
 mod physics;
 
@@ -18,8 +18,8 @@ use std::fmt;
 /// Newest version of the dynamics: changes whenever the bits of any run change.
 pub const KERNEL_VERSION: u32 = 3;
 
-/// Versions of the dynamics that this program has. A run says the first of them that gives its bits, so that one without what version 3
-/// changed is what it always was.
+/// Versions of the dynamics that this program has. A run names the first of them that gives its bits, so a run without the changes of
+/// version 3 stays a run of version 2.
 pub const KERNEL_VERSIONS: std::ops::RangeInclusive<u32> = 2..=KERNEL_VERSION;
 
 /// Version of the schemas of frames, manifests and recordings. Another major version is refused.
@@ -31,10 +31,10 @@ pub const MAX_BEADS: u64 = 20_000_000;
 /// Largest number of steps: step numbers and frame numbers are exact as doubles.
 pub const MAX_STEPS: u64 = 1 << 52;
 
-/// Longest manifest as JSON: a reader of recordings takes records of 64 MiB, and 4 KiB are for what else is in this one.
+/// Longest manifest as JSON: a reader of recordings takes records of 64 MiB, and 4 KiB are for the rest of the record.
 pub const MAX_JSON_BYTES: usize = (64 << 20) - 4096;
 
-/// A manifest that nobody would read.
+/// The error about a manifest that is too long for its readers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the manifest has {bytes} bytes, at most {MAX_JSON_BYTES} can be published and recorded; give fewer beads, or fewer \
@@ -46,7 +46,7 @@ pub struct ManifestTooLong {
 }
 
 impl ManifestTooLong {
-    /// Refuses a manifest of `bytes` as JSON if nobody would read it.
+    /// Refuses a manifest of `bytes` as JSON if it is too long for its readers.
     ///
     /// # Errors
     /// When there are more than [`MAX_JSON_BYTES`].
@@ -70,7 +70,7 @@ impl fmt::Display for SchemaVersion {
     }
 }
 
-/// The origin of a run, and which of its frames are published; decides no bit of a state.
+/// The origin of a run and its intervals of publishing and recording; it decides no bit of a state.
 ///
 /// [`RunManifest::from_json`] decides about unknown keys: a later minor version may have some.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,22 +83,22 @@ pub struct Provenance {
     pub program: String,
     /// Machine it ran on.
     pub host: String,
-    /// When it started, nanoseconds since 1970-01-01 UTC.
+    /// Start of the run, nanoseconds since 1970-01-01 UTC.
     pub started_unix_ns: u64,
-    /// Every how many steps a frame is published.
+    /// Number of steps from one published frame to the next.
     pub publish_every_steps: u64,
-    /// Every how many steps a frame is recorded.
+    /// Number of steps from one recorded frame to the next.
     pub record_every_steps: u64,
 }
 
-/// What a run is: the one thing that all other parts of the program know it by.
+/// The description of a run: all other parts of the program know the run by it alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunManifest {
-    /// Version of the schemas it was written with.
+    /// Version of the schemas that the manifest was written with.
     pub schema_version: SchemaVersion,
-    /// What decides the bits.
+    /// Everything that decides the bits.
     pub physics: Physics,
-    /// Where it comes from.
+    /// The origin of the run.
     pub provenance: Provenance,
 }
 
@@ -133,19 +133,19 @@ impl<'de> Deserialize<'de> for RunId {
     }
 }
 
-/// Why bytes are not a manifest that we can use.
+/// The reason why bytes are not a manifest that we can use.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// Not JSON of the right shape.
     #[error("the manifest cannot be read")]
     Json(#[from] serde_json::Error),
-    /// Of our version, but with something that no manifest of this version has.
+    /// A manifest of our version with a key that no manifest of this version has.
     #[error("the manifest has the unknown key `{key}`; it was changed, or another program wrote it")]
     UnknownKey {
         /// The key, such as `provenance.colour`.
         key: String,
     },
-    /// Of version 1.0, with a key that version 1.1 brought.
+    /// A manifest of version 1.0 with a key that version 1.1 brought.
     #[error(
         "the manifest has schema version {found} and `{key}`, which came with 1.1; it was changed, or another program wrote it"
     )]
@@ -163,7 +163,7 @@ pub enum ManifestError {
     Newer {
         /// The version found.
         found: SchemaVersion,
-        /// What this program does not know.
+        /// The error about the contents that this program does not know.
         source: serde_json::Error,
     },
     /// Written by a later, incompatible version.
@@ -189,7 +189,7 @@ impl RunManifest {
         Self::of(Physics::resolve(config)?, config, fallback_name, origin)
     }
 
-    /// Like [`Self::new`], where `config` was found to lead to `physics`.
+    /// Like [`Self::new`], with the `physics` that `config` resolves to.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -233,7 +233,7 @@ impl RunManifest {
     /// The same run, with a state recorded every `steps` steps.
     ///
     /// # Errors
-    /// When that is no multiple of the steps between two frames.
+    /// When `steps` is no multiple of the steps between two frames.
     pub fn recorded_every(mut self, steps: u64) -> Result<Self, ConfigError> {
         self.provenance.record_every_steps = steps;
         self.check_stream()?;
@@ -257,7 +257,7 @@ impl RunManifest {
         Ok(())
     }
 
-    /// Reads and validates a manifest from JSON: what it allows, nothing that is done with the run trips over.
+    /// Reads and validates a manifest from JSON. No later use of the run fails over a value in it.
     ///
     /// # Errors
     /// As [`glance`](Self::glance), and those of [`check_whole`](Self::check_whole).
@@ -267,21 +267,21 @@ impl RunManifest {
         Ok(manifest)
     }
 
-    /// Checks what shows only in the arrays of the whole chain, which a glance does not make: the masses and stiffnesses that
+    /// Checks the values that need the arrays of the whole chain, which a glance does not make: the masses and stiffnesses that
     /// disorder gives, the scales of length and time, and the step.
     ///
     /// # Errors
-    /// When it is not a possible run.
+    /// When the run is not possible.
     pub fn check_whole(&self) -> Result<(), ManifestError> {
         Ok(self.physics.check_whole()?)
     }
 
-    /// Reads a manifest from JSON for those who only look at what is written in it, in a time in proportion to that; before anything is
-    /// computed, [`check_whole`](Self::check_whole) is due.
+    /// Reads a manifest from JSON to show its contents, in a time proportional to its length. Before anything is computed, call
+    /// [`check_whole`](Self::check_whole).
     ///
-    /// Of a later minor version, keys that decide no bit (those outside of `physics`) are left out, and
-    /// [`is_newer_minor`](Self::is_newer_minor) says so; an unknown key of `physics` is refused, because it
-    /// may decide bits. Otherwise every unknown key is refused.
+    /// In a manifest of a later minor version, unknown keys outside of `physics` decide no bit: they are left out, and
+    /// [`is_newer_minor`](Self::is_newer_minor) is true. An unknown key of `physics` is refused, because it may decide bits. In any
+    /// other manifest every unknown key is refused.
     ///
     /// # Errors
     /// When it is not a manifest, has keys that are not known, is of another major schema version, or has a value that no run can have.
@@ -309,12 +309,12 @@ impl RunManifest {
         Ok(manifest)
     }
 
-    /// Whether it was written by a later minor version, and may have said more than is known here.
+    /// True if a later minor version wrote the manifest: it may have had keys that are not known here.
     pub fn is_newer_minor(&self) -> bool {
         self.schema_version.major == SCHEMA_VERSION.major && self.schema_version.minor > SCHEMA_VERSION.minor
     }
 
-    /// Compares the keys of `json`, which this was read from, with those that it has itself. Deriving does
+    /// Refuses a manifest if `json`, its source, has keys that the manifest itself does not have. The derived reader does
     /// that for the physics.
     #[expect(clippy::zero_sized_map_values, reason = "serde passes over the values of an object in this way")]
     fn refuse_unknown_keys(&self, json: &[u8]) -> Result<(), ManifestError> {
@@ -356,7 +356,7 @@ impl RunManifest {
         }
     }
 
-    /// Whether there is a frame at `step`: every K-th, the first and the last.
+    /// True if there is a frame at `step`: every K-th, the first and the last.
     pub fn is_frame(&self, step: u64) -> bool {
         step.is_multiple_of(self.provenance.publish_every_steps) || step == self.physics.step_count
     }
@@ -366,7 +366,7 @@ impl RunManifest {
         self.physics.step_count.div_ceil(self.provenance.publish_every_steps) + 1
     }
 
-    /// Whether the frame at `step` is recorded: every K-th, the first and the last.
+    /// True if the frame at `step` is recorded: every K-th, the first and the last.
     pub fn is_recorded(&self, step: u64) -> bool {
         step.is_multiple_of(self.provenance.record_every_steps) || step == self.physics.step_count
     }
@@ -387,7 +387,7 @@ impl RunManifest {
     }
 }
 
-/// Who starts a run, where and when.
+/// The program, the machine and the time of the start of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Origin {
     /// Program with its version.

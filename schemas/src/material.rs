@@ -1,4 +1,4 @@
-//! What beads are made of: the mass of a sphere, and the stiffness of contacts by Hertz's law.
+//! Materials of beads: the mass of a sphere, and the stiffness of contacts by Hertz's law.
 
 use crate::config_error::ConfigError;
 use serde::{Deserialize, Serialize};
@@ -16,14 +16,14 @@ pub struct Material {
     pub poisson: f64,
 }
 
-/// A material with a name, and where its numbers come from.
+/// A material with a name, and the source of its numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Named {
     /// The name in a configuration.
     pub name: &'static str,
     /// Its numbers.
     pub material: Material,
-    /// Which material it is, exactly, and the source of its numbers.
+    /// The exact material, and the source of its numbers.
     pub source: &'static str,
 }
 
@@ -84,7 +84,7 @@ impl Material {
         MATERIALS.iter().find(|known| known.name == name).map(|known| known.material)
     }
 
-    /// Refuses numbers that no elastic body has; `key` is where the material stands.
+    /// Refuses numbers that no elastic body has; `key` is the place of the material in the configuration.
     ///
     /// # Errors
     /// When a number is not positive, or Poisson's ratio not from −1 to ½.

@@ -21,7 +21,7 @@ pub enum Method {
     Rk5,
 }
 
-/// Something that a run may have and that not every method takes.
+/// A feature of a run that not every method takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
     /// Forces of contacts that depend on velocities.
@@ -68,7 +68,7 @@ struct Row {
     takes: &'static [Feature],
     /// The feature that it took in version 1.0 and takes no more.
     took: Option<Feature>,
-    /// The default step in collision times, and whether contacts that open shorten it.
+    /// The default step in collision times, and true if contacts that open shorten it.
     step: (f64, bool),
     /// The most of that for α = 1.5 and its growth with α, where a chain is none of the paper's and contacts open at full speed.
     blunt: Option<(f64, f64)>,
@@ -77,7 +77,7 @@ struct Row {
 const FORCES_OF_POSITION: &[Feature] =
     &[Feature::OtherLaws, Feature::OnSite, Feature::Resonators, Feature::Ring, Feature::Drives];
 
-/// Every method, in the order of the documentation. Where a configuration names none it has `rkn4`, or the first one that takes it.
+/// Every method, in the order of the documentation. A configuration that names none has `rkn4`, or the first one that takes it.
 const TABLE: [Row; 4] = [
     Row {
         method: Method::VelocityVerlet,
@@ -163,7 +163,7 @@ impl Method {
         self.row().name
     }
 
-    /// Doubles for each bead beyond displacement and velocity that a frame of this method carries. With damping and others more follow.
+    /// Doubles for each bead in a frame of this method, beyond displacement and velocity. Damping and other features add more.
     pub fn extra_per_bead(self) -> usize {
         self.row().extra_per_bead
     }
@@ -183,7 +183,7 @@ impl Method {
         self.row().is_symplectic
     }
 
-    /// Evaluations of all contact forces in a step, which are what a step costs.
+    /// Evaluations of all contact forces in a step, which are the cost of a step.
     pub fn force_evaluations_per_step(self) -> u32 {
         self.row().force_evaluations
     }

@@ -1,4 +1,4 @@
-//! Random numbers that can be asked for one by one: Philox4x32-10, a counter-based generator. The number of an index depends on
+//! Random numbers by index: Philox4x32-10, a counter-based generator. The number of an index depends on
 //! (seed, stream, index) and on nothing drawn before, so that any program can make any one of them alone.
 //!
 //! # Source
@@ -7,7 +7,7 @@
 
 /// Multipliers of a round.
 const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
-/// What each round adds to the key.
+/// Increments of the key from one round to the next.
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: u32 = 10;
 

@@ -1,8 +1,8 @@
 //! The project's own powers, the same bits on every machine.
 //!
 //! Platform `pow` differs between C libraries and their versions, so nothing that decides bits calls it. The dynamics has
-//! one exponent for a run and takes its powers from a [`PowerTable`], with `+ − × ÷`, each rounded once. What a table and a
-//! configuration are made from is [`power`], by integers.
+//! one exponent for a run and takes its powers from a [`PowerTable`], with `+ − × ÷`, each rounded once. Tables and
+//! configurations are made with [`power`], by integers.
 
 mod fixed;
 mod table;

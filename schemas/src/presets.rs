@@ -13,11 +13,11 @@ use crate::method::Method;
 pub struct Preset {
     /// Name on the command line, and of the run.
     pub name: &'static str,
-    /// What the run shows.
+    /// A sentence about the things that the run shows.
     pub about: &'static str,
     beads: u64,
     duration_s: f64,
-    /// What else differs from equal beads with free ends.
+    /// Changes a configuration of equal beads with free ends into that of the preset.
     change: fn(&mut RunConfig),
 }
 
@@ -203,7 +203,7 @@ impl Preset {
         PRESETS.into_iter().find(|preset| preset.name == name)
     }
 
-    /// Its configuration: unless it says otherwise Hertz contacts, beads of 1 g, k = 1e7 N·m^−3/2, bead 0 at 5 m/s.
+    /// Its configuration. Unless the preset changes it: Hertz contacts, beads of 1 g, k = 1e7 N·m^−3/2, bead 0 at 5 m/s.
     pub fn config(&self) -> RunConfig {
         let mut config = RunConfig {
             name: Some(self.name.to_owned()),

@@ -43,7 +43,7 @@ pub fn permutation(seed: u64, stream: u32, count: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Of `tests/reference/random_numbers.py`, which shares nothing with us: its normal numbers are exact ones, rounded.
+    /// The numbers of `tests/reference/random_numbers.py`, which shares nothing with us: its normal numbers are exact ones, rounded.
     #[test]
     fn another_program_makes_the_same_numbers() {
         let (mut normals, mut orders) = (0, 0);
@@ -67,7 +67,7 @@ mod tests {
         assert_eq!((normals, orders), (200, 8));
     }
 
-    /// The values of `docs/CONFIGURATION.md`, which `tests/python/random_chains.py` makes of that page.
+    /// The values in `docs/CONFIGURATION.md`, which `tests/python/random_chains.py` computes from that page.
     #[test]
     fn the_values_of_the_page_are_made() {
         let page = include_str!("../../docs/CONFIGURATION.md");

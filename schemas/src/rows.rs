@@ -1,26 +1,27 @@
-//! What the rows of `extra` in a frame mean, N values each.
+//! The rows of `extra` in a frame, N values each.
 
 /// The rows of a run's `extra`, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Rows {
     /// Terms of the motion that the method carries: `gear5` has four.
     pub of_method: usize,
-    /// Whether resonators have two: their displacements (m), their velocities (m/s).
+    /// True if resonators have two rows: their displacements (m), their velocities (m/s).
     pub resonators: bool,
-    /// Whether there is one of the work (J) that is dissipated: number i is that of contact i and of the drag of bead i, the last one
+    /// True if there is a row of the dissipated work (J). Value i is the work of contact i and of the drag of bead i; the last value is
     /// that of the walls, or of the contact that closes a ring, and of the drag of the last bead.
     pub work: bool,
-    /// Whether there is one of the drives: number 2d is the work (J) that drive d has done, 2d + 1 the displacement (m) of what it moves.
+    /// True if there is a row of the drives: value 2d is the work (J) that drive d has done, 2d + 1 the displacement (m) of
+    /// the wall or bead that it moves.
     pub drives: bool,
 }
 
 impl Rows {
-    /// How many there are.
+    /// Number of rows.
     pub fn count(&self) -> usize {
         self.of_method + 2 * usize::from(self.resonators) + usize::from(self.work) + usize::from(self.drives)
     }
 
-    /// The row of `extra` that begins `after` rows of N values behind those of the method; empty where `is_there` is not.
+    /// The row of `extra` that begins `after` rows of N values behind those of the method; empty unless `is_there`.
     fn row<'a>(&self, extra: &'a [f64], after: usize, is_there: bool) -> &'a [f64] {
         let n = if is_there { extra.len() / self.count() } else { 0 };
         let start = (self.of_method + after) * n;
@@ -32,7 +33,7 @@ impl Rows {
         [self.row(extra, 0, self.resonators), self.row(extra, 1, self.resonators)]
     }
 
-    /// Where the dissipated work begins, in rows.
+    /// Number of rows between those of the method and the row of the dissipated work.
     fn before_work(self) -> usize {
         2 * usize::from(self.resonators)
     }

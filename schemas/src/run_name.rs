@@ -11,7 +11,7 @@ use std::str::FromStr;
 pub struct RunName(String);
 
 impl RunName {
-    /// What is allowed, for messages.
+    /// The allowed names, for messages.
     pub const ALLOWED: &'static str = "1 to 64 characters of a-z, 0-9 and -, the first of which is no -";
 
     /// Most characters.

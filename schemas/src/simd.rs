@@ -2,7 +2,7 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-/// Does `work` with the instructions of `arch`: its closure, and what that inlines, is compiled for each.
+/// Runs `work` with the instructions of `arch`: the closure, and all that it inlines, is compiled for each.
 ///
 /// Write `#[inline(always)]` before the closure and each function in it with a loop: a function that is not inlined is
 /// compiled for any machine, without wide vectors.

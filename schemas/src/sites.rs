@@ -1,4 +1,4 @@
-//! What acts on each bead beside its contacts: springs at its place, drag, a resonator.
+//! Forces on each bead beside its contacts: springs at its place, drag, a resonator.
 
 use crate::simd::ordered_sum;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use std::ops::Range;
 pub struct Sites {
     /// κ of a force −κ·u (N/m).
     pub linear_n_per_m: Vec<f64>,
-    /// κ3 of a force −κ3·u³ (N/m³); there are linear ones where there are these.
+    /// κ3 of a force −κ3·u³ (N/m³); never without linear ones.
     pub cubic_n_per_m3: Vec<f64>,
     /// γ of a force −γ·v (N·s/m).
     pub drag_n_s_per_m: Vec<f64>,
@@ -19,28 +19,28 @@ pub struct Sites {
 }
 
 impl Sites {
-    /// Whether springs hold the beads.
+    /// True if springs hold the beads.
     pub fn has_springs(&self) -> bool {
         !self.linear_n_per_m.is_empty()
     }
 
-    /// Whether beads have resonators.
+    /// True if beads have resonators.
     pub fn has_resonators(&self) -> bool {
         !self.resonator_kg.is_empty()
     }
 
-    /// Whether anything acts that depends on velocities.
+    /// True if drag acts, which depends on velocities.
     pub fn has_drag(&self) -> bool {
         !self.drag_n_s_per_m.is_empty()
     }
 
-    /// Whether nothing acts.
+    /// True if nothing acts.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The net force (N) of bead `i` with the displacement `u_m` (m), that of its resonator `w_m` (m), whose contacts push it with
-    /// `contacts_n` (N).
+    /// The net force (N) on bead `i` at the displacement `u_m` (m), with its resonator at `w_m` (m) and the force `contacts_n` (N) of
+    /// its contacts.
     #[inline(always)]
     pub fn net_n(&self, i: usize, contacts_n: f64, u_m: f64, w_m: f64) -> f64 {
         let mut net_n = contacts_n;

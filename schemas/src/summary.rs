@@ -13,8 +13,8 @@ pub struct Summary {
     pub dissipated_j: f64,
     /// Work (J) that drives have done so far.
     pub driven_j: f64,
-    /// [`relative_drift`] against the energy of the initial state, also where a piston has most of it: recordings keep
-    /// what it meant when they were written. [`Drift`] is what programs report.
+    /// [`relative_drift`] against the energy of the initial state, also where a piston has most of it: this meaning is fixed,
+    /// because recordings keep the number. Programs report [`Drift`].
     pub relative_drift: f64,
     /// The bead farthest along the direction of the shock that moves faster than a thousandth of
     /// the striker's initial speed.
@@ -26,7 +26,7 @@ pub struct Summary {
 /// Displacement and velocity of one bead.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeadState {
-    /// Which bead.
+    /// Number of the bead.
     pub bead: u64,
     /// Displacement (m).
     pub u_m: f64,
@@ -41,14 +41,14 @@ pub struct Summarizer {
     initial_j: f64,
     impurities: Vec<u64>,
     physics: Physics,
-    /// Beads that move faster belong to the shock (m/s).
+    /// Speed (m/s) above which a bead belongs to the shock.
     front_threshold_m_s: f64,
     contact_energy_j: Vec<f64>,
     driven_at_least_j: Option<f64>,
 }
 
 impl Summarizer {
-    /// For the run that `physics` describes.
+    /// Makes one for the run that `physics` describes.
     pub fn new(physics: &Physics) -> Self {
         let chain = physics.chain();
         Self {
@@ -104,8 +104,8 @@ fn driven_at_least_j(physics: &Physics) -> Option<f64> {
     (!physics.drives.is_empty()).then_some(0.5 * physics.bead_mass_kg * (speed_m_s * speed_m_s))
 }
 
-/// How far the energy that a driven chain has and has dissipated, `kept_j`, is off the initial one and what drives have given it:
-/// relative to the largest of `kept_j`, `initial_j` and `least_j` (J).
+/// Error of the energy of a driven chain: the energy that it has and has dissipated, `kept_j`, less the initial energy and the work
+/// of the drives, relative to the largest of `kept_j`, `initial_j` and `least_j` (J).
 fn driven_drift(kept_j: f64, driven_j: f64, initial_j: f64, least_j: f64) -> f64 {
     let largest_j = [initial_j, least_j].into_iter().fold(kept_j, |most, j| if j > most { j } else { most });
     (kept_j - driven_j - initial_j) / largest_j
@@ -114,12 +114,12 @@ fn driven_drift(kept_j: f64, driven_j: f64, initial_j: f64, least_j: f64) -> f64
 /// Strikers that are this many times as heavy as the median bead are pistons.
 const PISTON_RATIO: f64 = 100.0;
 
-/// How far the energy of a run is off, relative to the energy that its chain has.
+/// Error ΔE of the energy of a run, relative to the energy that its chain has.
 ///
-/// That is the initial energy, `ΔE/E0`, but for a striker of at least 100 times the mass of the median bead. Such a
-/// piston keeps most of E0 to itself, beside which any error would look small: there ΔE is relative to what is not
-/// its kinetic energy, dissipated work included, or to the `½·m·v0²` of the median bead where that is more. In a driven chain it is
-/// relative to the energy that it has and has dissipated, to the initial one, or to that of a bead at the speed `L/T`: the largest.
+/// ΔE is relative to the initial energy E0, but for pistons and drives. A piston is a striker of at least 100 times the mass of the
+/// median bead. It keeps most of E0 to itself, beside which any error would look small. With a piston, ΔE is relative to the energy
+/// without the piston's kinetic energy, dissipated work included, or to the `½·m·v0²` of the median bead if that is more. In a driven
+/// chain, ΔE is relative to the largest of three: the energy that it has and has dissipated, E0, and that of a bead at the speed `L/T`.
 #[derive(Debug, Clone)]
 pub struct Drift {
     initial_j: f64,
@@ -138,7 +138,7 @@ struct Piston {
 }
 
 impl Drift {
-    /// For the run of `physics`, whose chain is `chain`.
+    /// Makes one for the run of `physics`, whose chain is `chain`.
     pub fn new(physics: &Physics, chain: &Chain) -> Self {
         let striker = physics.striker;
         // beads of a validated manifest are below N, which is an index
@@ -163,9 +163,9 @@ impl Drift {
         Self { initial_j, rounding: 0.5 * f64::EPSILON * (of_wave + of_piston), piston, driven_at_least_j }
     }
 
-    /// What one rounding of the numbers at play does to ΔE/E: half a unit in the last place, times the overlap of the
-    /// most loaded contact over what the wave changes of it, and times the energy of a piston over that of its chain.
-    /// A run adds up some of these, whatever its time step is.
+    /// Effect of one rounding on ΔE/E: half a unit in the last place, times the sum of two ratios. They are the overlap of the
+    /// most loaded contact over its change by the wave, and the energy of a piston over that of its chain, 1 without a piston.
+    /// A run adds up some of these effects, whatever its time step is.
     pub fn rounding(&self) -> f64 {
         self.rounding
     }

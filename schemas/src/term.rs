@@ -10,7 +10,7 @@ use std::ops::Deref;
 pub use spring::Spring;
 pub use toda::Toda;
 
-/// All that anybody needs of a law.
+/// The interface of a law.
 pub trait Law: Debug {
     /// The forms in which a configuration writes it under `chain.bonds`.
     fn forms() -> &'static [BondForm]
@@ -35,7 +35,7 @@ pub trait Law: Debug {
     }
 
     /// Energy (J) beyond that at rest, less the work of the force at rest, of a contact whose beads are `approach_m` nearer than
-    /// at the rest overlap `rest_m`. `is_loaded`: whether any contact of the chain has a rest overlap.
+    /// at the rest overlap `rest_m`. `is_loaded` is true if any contact of the chain has a rest overlap.
     fn excess_j(&self, stiffness: f64, rest_m: f64, approach_m: f64, is_loaded: bool) -> f64;
 
     /// Writes the force (N) of each of `contacts` into `force_n`.
@@ -151,6 +151,6 @@ pub struct Term {
     pub law: TermLaw,
     /// Stiffness of each contact (N over the unit of what the law gives), N − 1 values; 0 where a contact has no such term.
     pub stiffness: Vec<f64>,
-    /// The same of the contacts with the left and the right wall; of a ring the first is that of its last contact.
+    /// The same of the contacts with the left and the right wall; in a ring the first is that of its last contact.
     pub wall_stiffness: [f64; 2],
 }

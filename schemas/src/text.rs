@@ -3,14 +3,14 @@
 use crate::amounts::count;
 use std::borrow::Cow;
 
-/// Longest text that is written or shown (bytes): longer than any sentence, name or path, and nothing that a terminal or a page
-/// notices.
+/// Longest text that is written or shown (bytes): longer than any sentence, name or path, and short enough for a terminal or a
+/// page.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;
 
-/// Room for what is said of the length: what was cut once is not cut again.
+/// Room (bytes) for the note about the length: a text that was cut once is not cut again.
 const LENGTH_BYTES: usize = 40;
 
-/// A text as it is shown: of one of more than [`MAX_TEXT_BYTES`] its beginning and its length.
+/// A text as it is shown. A text of more than [`MAX_TEXT_BYTES`] is shown by its beginning and its length.
 pub fn shown(text: &str) -> Cow<'_, str> {
     shown_within(text, MAX_TEXT_BYTES)
 }

@@ -1,10 +1,10 @@
 //! Files that have their name only once they are whole.
 //!
-//! What is being written is `<name>.partial`; [`WholeFile::publish`] syncs it and gives it its name, by one
+//! A file that is being written is `<name>.partial`; [`WholeFile::publish`] syncs it and gives it its name, by one
 //! rename. Recordings, contacts maps, tables and figures are written in this way.
 //!
-//! Architecture invariants: a file of either name that was there before is replaced only if that was asked
-//! for, one that appears meanwhile never; a `.partial` that a living process writes is never taken from it.
+//! Architecture invariants: a write replaces an existing file of either name only if that was asked for, and never
+//! a file that appears meanwhile. It never takes a `.partial` from a living process that writes it.
 //! The writer holds an advisory lock (`flock`) on its `.partial`; on file systems without locks a living writer
 //! cannot be told from a dead one, and only the rule about existing files is left.
 
@@ -22,21 +22,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A file on its way to its name.
+/// A file that is being written and does not have its name yet.
 ///
-/// If it is dropped before [`publish`](Self::publish) it is removed, unless [`keep`](Self::keep) said that it is worth
-/// something: a start that failed must not stand in the way of the next one.
+/// A drop before [`publish`](Self::publish) removes the file, so that a start that failed does not stand in the way of
+/// the next one. [`keep`](Self::keep) prevents that.
 #[derive(Debug)]
 pub struct WholeFile {
     path: PathBuf,
     partial: PathBuf,
-    /// What may be replaced: the file of that name that was there in the beginning, if that was asked for.
+    /// The file that may be replaced: the one of that name in the beginning, if replacement was asked for.
     replaced: Option<Replaced>,
     keep: bool,
     file: Arc<File>,
 }
 
-/// What is removed if the process ends: the `.partial`s that nobody said are worth something.
+/// The `.partial`s to remove if the process ends: those that nobody has asked to keep.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -59,12 +59,12 @@ type Identity = (u64, u64);
 #[derive(Debug)]
 struct Replaced {
     identity: Identity,
-    /// Open, so that no other file is given its inode; none if it may not be read.
+    /// Open, so that no other file gets its inode; none if it may not be read.
     _held: Option<File>,
 }
 
 impl Replaced {
-    /// What stands at `path`, if anything does.
+    /// The file at `path`, if there is one.
     fn at(path: &Path) -> Option<Self> {
         let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
         #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
@@ -73,7 +73,7 @@ impl Replaced {
     }
 }
 
-/// Why a file could not be created, or not be given its name.
+/// The reason why a file could not be created, or not be given its name.
 #[derive(Debug, thiserror::Error)]
 pub enum WholeFileError {
     /// There is a file of this name.
@@ -97,12 +97,12 @@ pub enum WholeFileError {
         /// The file it writes.
         path: PathBuf,
     },
-    /// Something of this name is no file that could be replaced.
+    /// The thing of this name is not a file that could be replaced.
     #[error("{} is {found} and cannot be replaced by a file; choose another name", path.display())]
     NotAFile {
-        /// What is in the way.
+        /// The thing in the way.
         path: PathBuf,
-        /// What it is.
+        /// Its kind, such as `a directory`.
         found: &'static str,
     },
     /// A file of the final name appeared while this one was being written.
@@ -119,7 +119,7 @@ pub enum WholeFileError {
     /// The file was moved or deleted while it was being written.
     #[error("{} was moved or deleted while it was being written", partial.display())]
     Gone {
-        /// Where it was.
+        /// The path that it had.
         partial: PathBuf,
     },
     /// There is no room, and the file was removed: a part of it would only fill the disk.
@@ -130,15 +130,15 @@ pub enum WholeFileError {
     NoRoom {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The operating system refused.
     #[error("cannot write {}", path.display())]
     Io {
-        /// What was written.
+        /// The path of the file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The error of the operating system.
         source: io::Error,
     },
 }
@@ -149,7 +149,7 @@ impl WholeFileError {
         move |source| Self::Io { path: path.to_owned(), source }
     }
 
-    /// For `map_err`: the same of the file `path` that is removed if there is no room for all of it.
+    /// For `map_err`: the same for the file `path`, which is removed if there is no room for all of it.
     pub fn removed(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
         move |source| {
             let path = path.to_owned();
@@ -157,22 +157,22 @@ impl WholeFileError {
         }
     }
 
-    /// Whether an existing file is in the way, so that another name must be chosen.
+    /// True if an existing file is in the way, so that another name must be chosen.
     pub fn is_in_the_way(&self) -> bool {
         matches!(self, Self::Exists { .. } | Self::PartialExists { .. } | Self::NotAFile { .. })
     }
 }
 
-/// Whether a disk, a quota or a limit is used up.
+/// True if a disk, a quota or a limit is used up.
 fn is_no_room(error: &io::Error) -> bool {
     use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
     matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
 }
 
-/// How long another process that only looks may hold the lock of a new file.
+/// Longest time for which another process that only looks may hold the lock of a new file.
 const LOCK_PATIENCE: Duration = Duration::from_secs(1);
 
-/// How often a `.partial` may come or go while we try to create it.
+/// Largest number of attempts to create a `.partial` that others create or remove meanwhile.
 const MAX_ATTEMPTS: u32 = 10;
 
 impl WholeFile {
@@ -180,7 +180,7 @@ impl WholeFile {
     /// else (a directory, a link, a device) always is, and so is the `.partial` of a living process.
     ///
     /// # Errors
-    /// Any but [`WholeFileError::Appeared`] and [`WholeFileError::Gone`].
+    /// Any error but [`WholeFileError::Appeared`] and [`WholeFileError::Gone`].
     pub fn create(path: &Path, replace: bool) -> Result<Self, WholeFileError> {
         if regular_file_at(path)? && !replace {
             return Err(WholeFileError::Exists { path: path.to_owned() });
@@ -202,12 +202,12 @@ impl WholeFile {
         Err(WholeFileError::Busy { path: partial })
     }
 
-    /// The name that it will have.
+    /// The path that it will have.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where the bytes are until then: `<path>.partial`.
+    /// The path of the bytes until then: `<path>.partial`.
     pub fn partial(&self) -> &Path {
         &self.partial
     }
@@ -217,7 +217,7 @@ impl WholeFile {
         &self.file
     }
 
-    /// What was written is worth something: the `.partial` stays even if it is never finished.
+    /// Keeps the written part: the `.partial` stays even if it is never finished.
     pub fn keep(&mut self) {
         self.keep = true;
         self.forget();
@@ -227,7 +227,7 @@ impl WholeFile {
         unfinished().retain(|partial| *partial != self.partial);
     }
 
-    /// After an error: the written part stays, as [`keep`](Self::keep) said, unless there was no room.
+    /// Makes the error of a failed write. The written part stays, if [`keep`](Self::keep) asked for that, unless there was no room.
     #[must_use]
     pub fn refused(&mut self, source: io::Error) -> WholeFileError {
         self.keep &= !is_no_room(&source);
@@ -282,7 +282,7 @@ impl Drop for WholeFile {
     }
 }
 
-/// Writes a file of these bytes, whole. What has its name is in the way unless `replace`.
+/// Writes a file of these bytes, whole. An existing file of this name is in the way unless `replace`.
 ///
 /// # Errors
 /// As for [`WholeFile::create`] and [`WholeFile::publish`].
@@ -292,7 +292,7 @@ pub fn write(path: &Path, bytes: &[u8], replace: bool) -> Result<(), WholeFileEr
     file.publish().map(drop)
 }
 
-/// Gives the finished file `from` the name `to`, durably. What has that name is in the way unless `replace`.
+/// Gives the finished file `from` the name `to`, durably. An existing file of that name is in the way unless `replace`.
 ///
 /// # Errors
 /// [`WholeFileError::Exists`], or when the operating system refuses; `from` then stays.
@@ -309,7 +309,7 @@ pub fn give_name(from: &Path, to: &Path, replace: bool) -> Result<(), WholeFileE
     }
 }
 
-/// Whether a living process is writing the file at `path`, as far as its file system has locks.
+/// True if a living process is writing the file at `path`; always false where the file system has no locks.
 pub fn is_being_written(path: &Path) -> bool {
     // a pipe would keep us waiting
     let file = path.is_file().then(|| File::open(path));
@@ -317,7 +317,7 @@ pub fn is_being_written(path: &Path) -> bool {
         .is_some_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
 }
 
-/// Whether there is a regular file at `path`; anything else there is an error.
+/// True if there is a regular file at `path`; anything else there is an error.
 fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
     let refuse = |found| Err(WholeFileError::NotAFile { path: path.to_owned(), found });
     if path.file_name().is_none() {
@@ -333,7 +333,7 @@ fn regular_file_at(path: &Path) -> Result<bool, WholeFileError> {
     }
 }
 
-/// Creates and locks `partial`; none if another process came in between, so that it is worth another look.
+/// Creates and locks `partial`; none if another process came in between, so that another attempt is worthwhile.
 fn create_locked(partial: &Path, replace: bool) -> Result<Option<File>, WholeFileError> {
     match OpenOptions::new().write(true).create_new(true).open(partial) {
         Ok(file) => lock_new(&file, partial).map(|ours| ours.then_some(file)),
@@ -344,7 +344,7 @@ fn create_locked(partial: &Path, replace: bool) -> Result<Option<File>, WholeFil
     }
 }
 
-/// Locks the file just created at `partial`, and says whether it is still there.
+/// Locks the file just created at `partial`, and returns true if it is still there.
 fn lock_new(file: &File, partial: &Path) -> Result<bool, WholeFileError> {
     let start = Instant::now();
     // another starter may be looking whether its writer lives, or be removing it
@@ -357,7 +357,7 @@ fn lock_new(file: &File, partial: &Path) -> Result<bool, WholeFileError> {
     Ok(is_at(file, partial))
 }
 
-/// Removes what is at `partial`, if that was asked for and nobody writes it.
+/// Removes the file at `partial` if nobody writes it, and if `replace` asks for that or the file is empty.
 fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
     if !regular_file_at(partial)? {
         return Ok(()); // gone by now
@@ -388,12 +388,12 @@ fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
     fs::remove_file(partial).map_err(WholeFileError::io(partial))
 }
 
-/// Whether `file` is what stands at `path`.
+/// True if `file` is the file at `path`.
 fn is_at(file: &File, path: &Path) -> bool {
     file.metadata().is_ok_and(|ours| identity_at(path) == Some(identity(&ours)))
 }
 
-/// What stands at `path`, if anything does.
+/// The identity of the file at `path`, if there is one.
 fn identity_at(path: &Path) -> Option<Identity> {
     path.symlink_metadata().ok().as_ref().map(identity)
 }

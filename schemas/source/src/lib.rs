@@ -16,7 +16,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A source as it is named.
+/// The name of a source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Named {
     /// `live:RUN`, or `live` for the only live run.
@@ -26,7 +26,7 @@ pub enum Named {
 }
 
 impl Named {
-    /// The recording, if it is one.
+    /// The path of the recording, if it is one.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::Live(_) => None,
@@ -73,11 +73,11 @@ impl fmt::Display for Named {
 pub enum Source {
     /// A live run.
     Live(Box<LiveSource>),
-    /// A recording, and what ends it early.
+    /// A recording, and the flag that ends it early.
     File(Box<RecordingSource>, Arc<AtomicBool>),
 }
 
-/// Why there are no frames, or why results cannot be published.
+/// The reason why there are no frames, or why results cannot be published.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// Not the name of a run or of results.
@@ -145,7 +145,7 @@ impl Source {
         if *steps.start() > 0 { file.seek_to_step(*steps.start()) } else { Ok(()) }
     }
 
-    /// What ends it early, if it is a recording.
+    /// The flag that ends a recording early; none for a live run.
     pub fn stop(&self) -> Option<&Arc<AtomicBool>> {
         match self {
             Self::Live(_) => None,
@@ -153,7 +153,7 @@ impl Source {
         }
     }
 
-    /// What ends it early, whatever it is.
+    /// The flag that ends the source early, whatever it is.
     pub fn flag(&self) -> &Arc<AtomicBool> {
         match self {
             Self::Live(live) => live.stop(),

@@ -1,12 +1,12 @@
-//! Chance: `[[disorder]]`.
+//! Random disorder: `[[disorder]]`.
 
 use serde::{Deserialize, Serialize};
 
-/// What a seed makes of the masses, radii or stiffnesses that the rules give.
+/// A random change, by the seed, of the masses, radii or stiffnesses that the rules give.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Disorder {
-    /// What is disordered.
+    /// The disordered quantity.
     pub of: Disordered,
     /// A factor between 1 − a and 1 + a.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -25,7 +25,7 @@ pub struct Disorder {
     pub permuted: bool,
 }
 
-/// What a seed disorders.
+/// A quantity that can be disordered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Disordered {

@@ -3,7 +3,7 @@
 use super::several::several;
 use serde::{Deserialize, Serialize};
 
-/// What stands in it is added up.
+/// The `[initial]` table, whose entries are added up.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Initial {
@@ -28,13 +28,13 @@ pub struct Initial {
     /// Normal velocities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thermal: Option<Thermal>,
-    /// The state of another recording, which becomes lists before it is a run.
+    /// The state of another recording, which becomes lists before a run begins.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<FromRecording>,
 }
 
 impl Initial {
-    /// Whether nothing is said.
+    /// True if the table is empty.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
@@ -77,7 +77,7 @@ pub struct PlaneWave {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeShape {
-    /// Which mode, from 1.
+    /// Number of the mode, from 1.
     pub number: u64,
     /// A (m).
     #[serde(default)]
@@ -91,7 +91,7 @@ pub struct ModeShape {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Solitary {
-    /// Where its crest is, in beads.
+    /// Position of its crest, in beads.
     pub bead: f64,
     /// The speed (beads/s) at which it travels; negative: to the left.
     #[serde(default, skip_serializing_if = "Option::is_none")]

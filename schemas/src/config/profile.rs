@@ -49,7 +49,7 @@ impl Profile {
         self.written().iter().fold(0.0, |most, value| if *value > most { *value } else { most })
     }
 
-    /// Refuses what has no values, or not one for each of `count` places, or a value outside of `range`.
+    /// Refuses a profile whose number of values does not fit `count` places, or that has a value outside of `range`.
     pub(crate) fn check(
         &self,
         key: &str,

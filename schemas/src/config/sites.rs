@@ -19,7 +19,7 @@ pub struct OnSite {
 }
 
 impl OnSite {
-    /// Whether nothing holds any bead.
+    /// True if there are no springs and no drag.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }

@@ -7,13 +7,13 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
-/// A sphere by what it is made of.
+/// A sphere by its radius and its material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenSphere", into = "WrittenSphere")]
 pub struct Sphere {
     /// Radius (m).
     pub radius_m: f64,
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
 }
 
@@ -125,7 +125,7 @@ impl WrittenMaterial {
     }
 }
 
-/// What a wall is made of: a name, or a table of numbers.
+/// The material of a wall: a name, or a table of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallMaterial(pub Material);
 
@@ -170,7 +170,7 @@ impl<'de> Deserialize<'de> for WallMaterial {
 pub struct Spheres(pub Vec<Sphere>);
 
 impl Spheres {
-    /// Mass (kg) of the first, α, and stiffness (N·m^−3/2) of the first contact: what the scales are made of.
+    /// Mass (kg) of the first sphere, α, and stiffness (N·m^−3/2) of the first contact, for the scales.
     pub fn scales(&self) -> Option<[f64; 3]> {
         let first = self.0.first()?;
         let second = self.0.get(1).unwrap_or(first);
@@ -197,9 +197,9 @@ impl<'de> Deserialize<'de> for Spheres {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenOddSphere", into = "WrittenOddSphere")]
 pub struct OddSphere {
-    /// Which bead, from 0.
+    /// Number of the bead, from 0.
     pub bead: u64,
-    /// What it is.
+    /// The sphere.
     pub sphere: Sphere,
 }
 

@@ -6,17 +6,17 @@ use serde::de::Deserializer;
 use serde::{Deserialize, Serialize, Serializer};
 use std::ops::{Deref, DerefMut};
 
-/// The beads that move at the beginning: `[striker]`, or several `[[striker]]`. It is the first one, if that is all
-/// that is asked.
+/// The beads that move at the beginning: `[striker]`, or several `[[striker]]`. It dereferences to the first one, for
+/// those who need no other.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Strikers {
     first: StrikerConfig,
-    /// Those after the first.
+    /// The strikers after the first.
     pub more: Vec<StrikerConfig>,
 }
 
 impl Strikers {
-    /// Whether nothing strikes.
+    /// True if nothing strikes.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }

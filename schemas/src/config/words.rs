@@ -1,11 +1,11 @@
-//! Says in plain words what is wrong with a TOML text, instead of the parser's.
+//! Messages about wrong TOML texts in plain words, in place of the parser's.
 
 use crate::config_error::{ConfigError, EXAMPLE, line_at};
 use crate::spelling::did_you_mean;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// What stands behind keys of which one form has to be chosen.
+/// Keys with a choice of forms, and the forms of each.
 const CHOICES: [(&str, &str); 9] = [
     ("chain.masses", "\"uniform\", or one of { pattern_kg = […] }, { taper = … }, { list_kg = […] }"),
     ("chain.stiffnesses", "\"uniform\", \"radii\", or one of { pattern = […] }, { list = […] }"),
@@ -21,7 +21,7 @@ const CHOICES: [(&str, &str); 9] = [
     ("chain.bonds", A_PROFILE),
 ];
 
-/// What a number of each bead or contact may be.
+/// Allowed forms of a number for each bead or contact.
 const A_PROFILE: &str = "a number, { pattern = […] } or { list = […] }";
 
 /// The longest part of the text that is shown.
@@ -72,7 +72,7 @@ fn in_words(said: &str, key: String, written: &str) -> (String, String) {
     (key, message.unwrap_or(said))
 }
 
-/// Whether a value is the heading of a table, such as `[drive]`.
+/// True if a value is the heading of a table, such as `[drive]`.
 fn is_heading(written: &str) -> bool {
     let name = written.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     name.is_some_and(|name| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'))
@@ -103,7 +103,7 @@ fn plain(expected: &str) -> String {
     words.to_owned()
 }
 
-/// What is shown of a value as it is written.
+/// A value as it is shown in a message: the beginning of its first line.
 fn shown(written: &str) -> String {
     let line = written.lines().next().unwrap_or_default();
     let short: String = line.chars().take(LONGEST_SHOWN).collect();
@@ -121,7 +121,7 @@ fn key_around(table: &DeTable<'_>, place: &Range<usize>) -> Option<String> {
     })
 }
 
-/// What leads from `value` to `place`, if that lies in it.
+/// The key that leads from `value` to `place`, if `place` lies in `value`.
 fn key_in(value: &toml::Spanned<DeValue<'_>>, place: &Range<usize>) -> Option<String> {
     let inner = match value.get_ref() {
         // the entries of a table lie behind its heading, not in it
@@ -144,7 +144,7 @@ mod tests {
         masses = { taper = 0.9 }\nimpurities = [\n  { bead = 5, mass_kg = 1e-3 },\n]\n\
         [striker]\nbead = 0\nvelocity_m_s = 5.0\n[time]\nduration_s = 0.01\n[stream]\nrecord_every_steps = 1\n";
 
-    /// What is said of a configuration with something replaced.
+    /// The error message of a configuration with `from` replaced by `to`.
     #[track_caller]
     fn said(from: &str, to: &str) -> String {
         let text = WHOLE.replace(from, to);

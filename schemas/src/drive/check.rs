@@ -3,7 +3,7 @@
 use super::{Table, Waveform};
 use crate::config_error::ConfigError;
 
-/// Room for squares and products of what a waveform is made of.
+/// Largest number in a waveform: leaves room for squares and products.
 const LARGEST: f64 = 1e100;
 
 /// Numbers of one waveform, each with its key.
@@ -33,7 +33,7 @@ impl Numbers<'_> {
         if found == 0.0 { Ok(()) } else { self.positive(name, found) }
     }
 
-    /// Ramps of an oscillation that ends at `end`, if it does, and their key's name.
+    /// Checks the ramps (s) of an oscillation and the time `end` (s) at which it ends, if it does.
     fn ramps(&self, up_s: f64, down_s: f64, end: Option<f64>) -> Result<(), ConfigError> {
         self.positive_or_zero("ramp_s", up_s)?;
         self.positive_or_zero("ramp_down_s", down_s)?;
@@ -53,7 +53,7 @@ impl Numbers<'_> {
 }
 
 impl Waveform {
-    /// Refuses what no run of `duration_s` can have; `key` is where the waveform stands.
+    /// Refuses a waveform that no run of `duration_s` can have; `key` is its place in the configuration.
     ///
     /// # Errors
     /// When a number is not finite or out of range, or a table is out of order or ends before the run.

@@ -4,7 +4,7 @@ use super::{Drive, Waveform};
 use crate::functions::two_product;
 
 impl Waveform {
-    /// Its knots (s), in no order.
+    /// Knots (s) of the waveform, in no order.
     ///
     /// ```
     /// use schemas::drive::{Sine, Waveform};
@@ -31,7 +31,7 @@ impl Waveform {
 /// Knots of all `drives` after the beginning of the run, by the step of `dt_s` in which each lies: the number of the step and the
 /// time (s) after its beginning, in order.
 ///
-/// A knot within [`APART`] steps of the beginning of a step lies there, and one as near after another is that one.
+/// A knot within [`APART`] steps of the beginning of a step lies there, and a knot as near after another one counts as that one.
 pub fn knots_of(drives: &[Drive], dt_s: f64) -> Vec<(u64, f64)> {
     let near_s = APART * dt_s;
     let mut knots_s: Vec<f64> = drives.iter().flat_map(|drive| drive.waveform.knots_s()).collect();
@@ -46,7 +46,7 @@ pub fn knots_of(drives: &[Drive], dt_s: f64) -> Vec<(u64, f64)> {
     knots_s.into_iter().map(|knot_s| place(knot_s, dt_s)).collect()
 }
 
-/// The step of `dt_s` in which the time `knot_s` lies, and how long (s) after its beginning.
+/// The step of `dt_s` in which the time `knot_s` lies, and the time (s) from its beginning to the knot.
 fn place(knot_s: f64, dt_s: f64) -> (u64, f64) {
     let near_s = APART * dt_s;
     let step = (knot_s / dt_s).floor();

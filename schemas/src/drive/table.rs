@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A value at each of some times; before the first time it is the first value.
+/// Values at some times; before the first time the value is the first one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Times (s), increasing.
     pub times_s: Vec<f64>,
-    /// The value at each.
+    /// The value at each time.
     pub values: Vec<f64>,
-    /// What is between them.
+    /// The interpolation between the times.
     #[serde(default)]
     pub interpolation: Interpolation,
 }
 
-/// What is between two times of a table.
+/// The interpolation between two times of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
@@ -26,8 +26,8 @@ pub enum Interpolation {
     Cubic,
 }
 
-/// Reads a table from text with a time (s) and a value in each row, separated by a comma, semicolon, tab or spaces. Empty lines and
-/// what follows a `#` are skipped, and so is a first row that is no numbers.
+/// Reads a table from text with a time (s) and a value in each row, separated by a comma, semicolon, tab or spaces. It skips empty
+/// lines, comments after a `#`, and a first row that is not numbers.
 ///
 /// ```
 /// let table = schemas::drive::table_from_csv("t_s,force_n\n0,0 # at rest\n1e-3,2.5\n")?;

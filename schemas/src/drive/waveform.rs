@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// A value at each time t from the beginning of the run, in the unit of what it prescribes.
 ///
-/// Keys left out of a configuration are 0, and 0 does without: no phase, no ramp.
+/// Keys left out of a configuration are 0, and 0 means none: no phase, no ramp.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Waveform {
@@ -28,12 +28,12 @@ pub enum Waveform {
     Gaussian(Gaussian),
     /// Values at times.
     Table(Table),
-    /// A file that has a table, as a configuration names it; no run has one.
+    /// A file with a table, as a configuration names it; no run has one.
     #[serde(untagged)]
     Csv {
         /// The file: two columns, time (s) and value.
         csv: PathBuf,
-        /// What is between its rows.
+        /// The interpolation between its rows.
         #[serde(default)]
         interpolation: Interpolation,
     },
@@ -50,13 +50,13 @@ pub struct Sine {
     /// φ (rad).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub phase_rad: f64,
-    /// How long it takes to grow (s).
+    /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_s: f64,
     /// Its end (s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until_s: Option<f64>,
-    /// How long before the end it begins to fall (s).
+    /// Duration of its fall before the end (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_down_s: f64,
 }
@@ -73,10 +73,10 @@ pub struct Chirp {
     pub to_hz: f64,
     /// The end (s).
     pub duration_s: f64,
-    /// How long it takes to grow (s).
+    /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_s: f64,
-    /// How long before the end it begins to fall (s).
+    /// Duration of its fall before the end (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_down_s: f64,
 }
@@ -87,10 +87,10 @@ pub struct Chirp {
 pub struct Step {
     /// A.
     pub amplitude: f64,
-    /// When it begins (s).
+    /// Its beginning (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub at_s: f64,
-    /// How long it takes to grow (s).
+    /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rise_s: f64,
 }
@@ -101,10 +101,10 @@ pub struct Step {
 pub struct Ramp {
     /// A.
     pub amplitude: f64,
-    /// Where the line begins (s).
+    /// Beginning of the line (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub from_s: f64,
-    /// Where it ends (s).
+    /// End of the line (s).
     pub to_s: f64,
 }
 
@@ -114,9 +114,9 @@ pub struct Ramp {
 pub struct HalfSine {
     /// A.
     pub amplitude: f64,
-    /// How long it lasts (s).
+    /// Its duration (s).
     pub duration_s: f64,
-    /// When it begins (s).
+    /// Its beginning (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub at_s: f64,
 }
@@ -254,7 +254,7 @@ impl Waveform {
         }
     }
 
-    /// Where the value jumps, in words.
+    /// The jump of the value, in words, if it has one.
     pub(super) fn jump(&self) -> Option<String> {
         match self {
             Self::Step(step) if step.rise_s == 0.0 => Some("a step with no `rise_s`".to_owned()),
@@ -316,7 +316,7 @@ fn envelope(at: Moment, ramp_s: f64, until_s: Option<f64>, ramp_down_s: f64) -> 
     if at.seconds() < ramp_s { rise(at.seconds(), ramp_s) } else { (1.0, 0.0) }
 }
 
-/// `sin²` of a quarter turn in `rise_s`, and its slope, `since` its beginning.
+/// `sin²` of a quarter turn that takes `rise_s` (s), and its slope, at the time `since` (s) after its beginning.
 #[inline]
 fn rise(since: f64, rise_s: f64) -> (f64, f64) {
     let (sine, cosine) = sine_cosine((since / (4.0 * rise_s), 0.0));

@@ -48,8 +48,8 @@ impl Moment {
         Self { hi: -hi, lo: -lo }
     }
 
-    /// How often something of the frequency `hz` that has the phase `phase_rad` at time 0 has turned, without whole turns: a
-    /// double between −½ and ½ and a small rest, right to 2^−105 of the number of turns.
+    /// Turns of an oscillation of the frequency `hz` with the phase `phase_rad` at time 0, without whole turns: a double between
+    /// −½ and ½ and a small rest, right to 2^−105 of the number of turns.
     #[inline(always)]
     pub(crate) fn turns(self, hz: f64, phase_rad: f64) -> (f64, f64) {
         let (p, e) = two_product(hz, self.hi);
@@ -59,7 +59,7 @@ impl Moment {
         without_whole_turns(p, (e + (b + phase_rad * TURNS_OF_A_RADIAN[1])) + c)
     }
 
-    /// The same of something whose frequency is `from_hz` at time 0 and grows by `2·half_rate` (Hz/s).
+    /// The same for a frequency that is `from_hz` at time 0 and grows by `2·half_rate` (Hz/s).
     #[inline(always)]
     pub(crate) fn chirped_turns(self, from_hz: f64, half_rate: f64) -> (f64, f64) {
         let (p, e) = two_product(from_hz, self.hi);

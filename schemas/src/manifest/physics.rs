@@ -1,4 +1,4 @@
-//! What decides the bits of a run.
+//! Everything that decides the bits of a run.
 
 mod arrays;
 mod check;
@@ -35,7 +35,7 @@ use sha2::{Digest, Sha256};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Physics {
-    /// The dynamics that computed it: the first of [`KERNEL_VERSIONS`](super::KERNEL_VERSIONS) that gives its bits.
+    /// The version of the dynamics: the first of [`KERNEL_VERSIONS`](super::KERNEL_VERSIONS) that gives the bits of the run.
     pub kernel_version: u32,
     /// Number of beads N.
     pub beads: u64,
@@ -56,30 +56,30 @@ pub struct Physics {
     /// Contacts of another stiffness, in the order of the contacts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<OddContact>,
-    /// What the ends of the chain touch.
+    /// Conditions at the ends of the chain.
     #[serde(default, skip_serializing_if = "EndsConfig::is_free")]
     pub ends: EndsConfig,
-    /// What loads the chain.
+    /// Load of the chain.
     #[serde(default, skip_serializing_if = "LoadConfig::is_none")]
     pub load: LoadConfig,
-    /// What contacts dissipate.
+    /// Damping of the contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<Damping>,
-    /// The first bead that is struck at the beginning; nothing is where its velocity is 0.
+    /// The first bead that is struck at the beginning; none is struck where its velocity is 0.
     pub striker: StrikerConfig,
-    /// The others.
+    /// The other strikers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub strikers: Vec<StrikerConfig>,
-    /// What disorder and thermal velocities are made of.
+    /// Seed of disorder and thermal velocities.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub seed: u64,
-    /// What chance makes of the chain, in turn.
+    /// Random changes of the chain, in turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub disorder: Vec<Disorder>,
     /// Spheres, whose masses and stiffnesses take the place of the rules above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spheres: Option<Spheres>,
-    /// Spheres that differ from those, in the order of the beads.
+    /// Spheres that differ from the others, in the order of the beads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub odd_spheres: Vec<OddSphere>,
     /// The exponent of each contact, in place of `alpha`.
@@ -94,16 +94,16 @@ pub struct Physics {
     /// Bonds in place of contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bonds: Option<Bonds>,
-    /// What holds each bead at its place.
+    /// Springs and drag of each bead.
     #[serde(default, skip_serializing_if = "OnSite::is_none")]
     pub on_site: OnSite,
-    /// What swings inside each bead.
+    /// Resonators inside the beads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resonators: Option<Resonators>,
-    /// How the chain begins, beside its strikers.
+    /// Initial state, beside the strikers.
     #[serde(default, skip_serializing_if = "Initial::is_none")]
     pub initial: Initial,
-    /// What moves walls and beads.
+    /// Drives of walls and beads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<Drive>,
     /// The integration method.
@@ -154,8 +154,8 @@ impl Physics {
         Ok(physics)
     }
 
-    /// Scales L and T of a bead of `bead_mass_kg` at the speed of the fastest striker, or of what else moves beads at first or
-    /// drives them; where only displacements are given, or a load, those of a contact with that overlap, [`Scales::of_load`].
+    /// Scales L and T of a bead of `bead_mass_kg` at the largest speed that strikers, initial velocities or drives give. If no speed is
+    /// given, but displacements or a load, the scales of a contact with that overlap, [`Scales::of_load`].
     pub fn scales(&self) -> Scales {
         let speed_m_s = self.typical_speed_m_s();
         if speed_m_s > 0.0 {
@@ -205,7 +205,7 @@ impl Physics {
         self.method.took().filter(|feature| *feature == Feature::Damping && was_taken)
     }
 
-    /// Whether a drag acts on a bead.
+    /// True if drag acts on a bead.
     pub fn has_drag(&self) -> bool {
         self.on_site.drag_n_s_per_m.is_some() || self.is_absorbing()
     }
@@ -264,7 +264,7 @@ impl Physics {
     }
 }
 
-/// −0 is 0.
+/// Replaces a velocity of −0 by 0.
 fn without_sign(striker: StrikerConfig) -> StrikerConfig {
     StrikerConfig { velocity_m_s: striker.velocity_m_s + 0.0, ..striker }
 }

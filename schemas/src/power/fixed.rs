@@ -1,4 +1,4 @@
-//! Powers to more than 160 binary digits, by integers: what tables and configurations are made from.
+//! Powers to more than 160 binary digits, by integers, for tables and configurations.
 
 /// A number from 0 to below 2^64, in units of 2^−192; the least significant digits come first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -119,7 +119,7 @@ impl Power {
         Some(Self { mantissa: exp2(fraction), exponent }.normalized())
     }
 
-    /// Whether it is between 2^−1021 and 2^1023.
+    /// True if the power is between 2^−1021 and 2^1023.
     pub(super) fn is_normal(&self) -> bool {
         (-1021..1023).contains(&self.exponent)
     }

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const SPAN: usize = 1 << 18;
 /// Terms of the series.
 const TERMS: usize = 5;
-/// Tables that are kept for whoever needs one of the same exponent next.
+/// Number of tables that are kept for the next user of the same exponent.
 const KEPT: usize = 8;
 
 const MANTISSA: u64 = (1 << 52) - 1;
@@ -27,10 +27,10 @@ pub struct PowerTable {
     numbers: Numbers,
 }
 
-/// What is computed with, beside the table.
+/// Numbers for the computation, beside the table.
 #[derive(Debug, Clone, Copy)]
 struct Numbers {
-    /// Of `(1 + r)^α − 1`: coefficients of `r` to `r^5`.
+    /// Coefficients of `r` to `r^5` in the series of `(1 + r)^α − 1`.
     series: [f64; TERMS],
     /// Digits of a double that do not choose the interval, `52 − b`.
     shift: u32,

@@ -1,4 +1,4 @@
-//! What presets beyond one struck bead change: drives, laws, initial states, disorder, ends.
+//! Changes of the presets beyond one struck bead: drives, laws, initial states, disorder, ends.
 
 use crate::config::{
     DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig, Sphere,
@@ -10,7 +10,7 @@ use crate::material::Material;
 use crate::method::Method;
 use crate::term::{Spring, TermLaw, Toda};
 
-/// Nothing strikes; the left wall is shaken by a sine of that amplitude (m) and frequency (Hz) that grows over ten periods.
+/// Removes the striker and shakes the left wall by a sine of that amplitude (m) and frequency (Hz), which grows over ten periods.
 fn shaken(config: &mut RunConfig, amplitude: f64, frequency_hz: f64) {
     still(config);
     config.load.precompression_n = 10.0;
@@ -30,18 +30,18 @@ fn shaken(config: &mut RunConfig, amplitude: f64, frequency_hz: f64) {
     }];
 }
 
-/// Nothing strikes.
+/// Removes the striker.
 fn still(config: &mut RunConfig) {
     config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
 }
 
-/// Every so many steps a state.
+/// Publishes and records a state every `steps` steps.
 fn sparse(config: &mut RunConfig, steps: u64) {
     config.stream.publish_every_steps = steps;
     config.stream.record_every_steps = steps;
 }
 
-/// Masses of 1 kg on springs of 1 N/m and what else is said of them: the units of theory.
+/// Makes beads of 1 kg on bonds of these laws, with 1 N/m as the stiffness of the scales: the units of theory.
 fn bonded(config: &mut RunConfig, laws: &[(TermLaw, f64)]) {
     still(config);
     config.chain.bonds = Some(laws.iter().cloned().collect());

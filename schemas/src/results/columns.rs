@@ -1,19 +1,19 @@
-//! What the elements of a row of results mean.
+//! The columns of rows of results.
 
 /// Longest list of names that a service can carry (bytes).
 pub const MOST_NAMES_BYTES: usize = 256;
 /// Names that every row has without its columns.
 const ROW_HEAD: [&str; 3] = ["frame", "step", "time_s"];
 
-/// What the elements of a row mean.
+/// The meaning of the elements of a row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ResultColumns {
     /// Elements in each row.
     pub width: usize,
     /// Names of the columns with their units, separated by commas; at most 256 bytes, as long names are cut.
     pub names: String,
-    /// The largest overlap or gap (m) that counts as touching, NaN if it is not known: of rows that are classes of contacts, and
-    /// of no others.
+    /// The largest overlap or gap (m) that counts as touching, NaN if it is not known. Only rows that are classes of
+    /// contacts have one.
     pub tolerance_m: Option<f64>,
 }
 
@@ -32,7 +32,7 @@ impl ResultColumns {
     /// of them.
     ///
     /// # Errors
-    /// What was expected and found.
+    /// The message says what was expected and found.
     pub fn fields(&self) -> Result<Vec<&str>, String> {
         let names: Vec<&str> = self.names.split(',').collect();
         let is_name = |name: &&str| {

@@ -52,19 +52,19 @@ impl Things {
 }
 
 impl ResultColumns {
-    /// The motion of these beads, one after the other.
+    /// Columns for the motion of these beads, one after the other.
     pub fn motion(beads: &[u64]) -> Self {
         let names = Things::names(&MOTION, beads);
         Self { width: beads.len() * MOTION.len(), names, tolerance_m: None }
     }
 
-    /// So many pulses; what is missing of them is NaN.
+    /// Columns for `count` pulses; a pulse that is missing is NaN.
     pub fn pulses(count: usize) -> Self {
         let names = format!("for each of {count} pulses: {}; nan where there is none", PULSE.join(","));
         Self { width: count * PULSE.len(), names, tolerance_m: None }
     }
 
-    /// The class of each of `count` contacts, of which those within the tolerance (m) are touching.
+    /// Columns for the class of each of `count` contacts, of which those within the tolerance (m) are touching.
     pub fn contacts(count: usize, tolerance_m: f64) -> Self {
         let names = "one class a contact: 0 touching, 1 compressed, 2 open".to_owned();
         Self { width: count, names, tolerance_m: Some(tolerance_m) }

@@ -23,7 +23,7 @@ pub enum RowValues<'a> {
 }
 
 impl<'a> RowValues<'a> {
-    /// Whether there is none.
+    /// True if there are no values.
     pub fn is_empty(self) -> bool {
         match self {
             Self::Numbers(numbers) => numbers.is_empty(),
@@ -31,7 +31,7 @@ impl<'a> RowValues<'a> {
         }
     }
 
-    /// The numbers; none of classes.
+    /// The numbers; none if the values are classes.
     pub fn numbers(self) -> &'a [f64] {
         match self {
             Self::Numbers(numbers) => numbers,

@@ -16,11 +16,11 @@ pub struct Things {
     pub number: &'static str,
     /// Fields with their values.
     pub fields: &'static [&'static str],
-    /// Where rows on the bus have the numbers of the things.
+    /// Place of the things' numbers in rows on the bus.
     pub numbers: ThingsNumbers,
 }
 
-/// Where rows on the bus have the numbers of the things that they are about.
+/// The place of the things' numbers in rows on the bus.
 #[derive(Debug, PartialEq, Eq)]
 pub enum ThingsNumbers {
     /// In the names of the columns, between these names and units: bead 60 in `u_60_m`.
@@ -45,7 +45,7 @@ impl Things {
     /// The bus cuts the names after 256 bytes: they are the names of the `usual` things if those begin like them.
     ///
     /// # Errors
-    /// What was found, when the columns are of no things.
+    /// When the columns are of no things; the message says what was found.
     pub fn numbers_of(&self, columns: &ResultColumns, usual: &[u64]) -> Result<Option<Vec<u64>>, String> {
         let ResultColumns { width, names, .. } = columns;
         let ThingsNumbers::InNames(quantities) = self.numbers else {

@@ -1,9 +1,9 @@
-//! What is on the bus, by name.
+//! Topics on the bus, by name.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What a service of a run carries, the last part of its name.
+/// The contents of a service of a run: the last part of the service's name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Topic {
     /// Every frame.
@@ -14,7 +14,7 @@ pub enum Topic {
     Manifest,
     /// The handshake of consumers.
     Join,
-    /// What an analysis finds per frame.
+    /// Results of an analysis per frame.
     Results(ResultsName),
 }
 
@@ -22,7 +22,7 @@ impl Topic {
     /// The topic of the results of our analysis `name`.
     ///
     /// # Errors
-    /// What is allowed, when that is no name, or one that means something else.
+    /// When `name` is no name, or means something else; the message says what is allowed.
     pub fn results(name: &str) -> Result<Self, String> {
         ResultsName::new("", name).map(Self::Results)
     }
@@ -30,7 +30,7 @@ impl Topic {
     /// The topic of somebody's own results, called `name`.
     ///
     /// # Errors
-    /// What is allowed, when that is no name.
+    /// When `name` is no name; the message says what is allowed.
     pub fn own(name: &str) -> Result<Self, String> {
         ResultsName::new(OWN, name).map(Self::Results)
     }
@@ -68,7 +68,7 @@ pub struct ResultsName {
 }
 
 impl ResultsName {
-    /// What is allowed as `NAME`, for messages.
+    /// The allowed values of `NAME`, for messages.
     const ALLOWED: &'static str = "1 to 32 characters of a-z, 0-9 and -, the first of them no -";
 
     fn new(head: &str, name: &str) -> Result<Self, String> {
@@ -92,7 +92,7 @@ impl ResultsName {
         str::from_utf8(&self.text[..self.length]).unwrap_or_default()
     }
 
-    /// Whether it is somebody's own.
+    /// True if the results are somebody's own.
     pub fn is_own(&self) -> bool {
         self.as_str().starts_with(OWN)
     }

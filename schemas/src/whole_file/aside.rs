@@ -1,7 +1,7 @@
 //! Writes an unfinished file again, in its place, without ever having less of it.
 //!
-//! It is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when that has
-//! everything that it had. Whatever happens in between, one of the two is whole.
+//! The file is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when the new file
+//! has everything that it had. Whatever happens in between, one of the two is whole.
 
 use super::{OFlags, WholeFileError, give_name, is_at, naming, regular_file_at};
 use std::ffi::OsString;
@@ -10,16 +10,16 @@ use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-/// What a name ends with while the file is written.
+/// Ending of a name while the file is written.
 const PARTIAL: &str = ".partial";
 
-/// What a name ends with while the file is written again.
+/// Ending of a name while the file is written again.
 const ASIDE: &str = ".interrupted";
 
 /// The three names of a file: the one that it will have, and those while it is written, and written again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Names {
-    /// The name that it will have.
+    /// The final name.
     pub whole: PathBuf,
     /// Its name while it is written.
     pub partial: PathBuf,
@@ -28,7 +28,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// Of the file that `path`, one of the three, is about.
+    /// The names of the file that has `path` as one of the three.
     pub fn of(path: &Path) -> Self {
         let text = path.as_os_str().to_string_lossy();
         let ends = [PARTIAL, ASIDE].into_iter().find(|ending| text.ends_with(ending));
@@ -38,7 +38,7 @@ impl Names {
         }
     }
 
-    /// Of the file that will be called `whole`.
+    /// The names of the file that will be called `whole`.
     pub fn of_whole(whole: &Path) -> Self {
         let with = |ending| {
             let mut name = OsString::from(whole);
@@ -78,7 +78,7 @@ impl LockedFile {
         Ok(Self { path: path.to_owned(), file })
     }
 
-    /// Where it is now.
+    /// Its present path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -91,7 +91,7 @@ impl LockedFile {
         self.file.sync_all().map_err(WholeFileError::io(&self.path))
     }
 
-    /// Gives it another name, durably. What has that name is in the way unless `replace`.
+    /// Gives it another name, durably. An existing file of that name is in the way unless `replace`.
     ///
     /// # Errors
     /// When the operating system refuses, or when it is not there any more.

@@ -28,7 +28,7 @@ fn first_possible(ways: &[Rename], from: &Path, to: &Path) -> io::Result<()> {
     outcome
 }
 
-/// What file systems say that cannot do it; FAT and several network ones say "not permitted".
+/// True if a file system reports that it cannot do it; FAT and several network ones report "not permitted".
 fn is_unsupported(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP | Errno::PERM))
 }
@@ -37,13 +37,13 @@ fn by_flag(from: &Path, to: &Path) -> io::Result<()> {
     Ok(rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE)?)
 }
 
-/// A second name cannot be given if it is taken.
+/// Renames by a second name, which cannot be given if it is taken.
 fn by_link(from: &Path, to: &Path) -> io::Result<()> {
     fs::hard_link(from, to)?;
     fs::remove_file(from)
 }
 
-/// Without either: an empty file of our own takes the name, and only that is replaced.
+/// Renames without either: an empty file of our own takes the name, and only that is replaced.
 fn by_reservation(from: &Path, to: &Path) -> io::Result<()> {
     OpenOptions::new().write(true).create_new(true).open(to)?;
     fs::rename(from, to).inspect_err(|_| {

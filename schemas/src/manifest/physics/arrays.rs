@@ -1,7 +1,7 @@
-//! From the rules of a configuration to one number for each bead and each contact.
+//! Arrays of a chain: one number for each bead and each contact, from the rules of a configuration.
 //!
-//! What is computed here decides bits, with the arithmetic of the dynamics: every machine resolves a manifest
-//! to the same arrays.
+//! These arrays decide bits. They are computed with the arithmetic of the dynamics: every machine resolves a
+//! manifest to the same arrays.
 
 use super::disorder::Resolved;
 use super::{Physics, usize_of};
@@ -29,7 +29,7 @@ impl Physics {
         chain.with_terms(terms).with_damping(damping)
     }
 
-    /// The masses, and the contacts as they rest: all of a chain that its scales are made of, which drag and damping follow.
+    /// The masses, and the contacts at rest. The scales follow from these alone, and drag and damping follow from the scales.
     fn contacts_at_rest(&self) -> Contacts {
         let Resolved { mass_kg, stiffness, walls: [left, right] } = self.masses_and_stiffnesses();
         let loads = self.loads(&mass_kg);
@@ -188,7 +188,7 @@ impl Physics {
         power(mass_kg / self.bead_mass_kg, 1.0 / 3.0)
     }
 
-    /// What each contact carries in static equilibrium.
+    /// The load of each contact in static equilibrium.
     fn loads(&self, mass_kg: &[f64]) -> Loads {
         let (gravity, pressed_n) = (self.load.gravity_m_s2, self.load.precompression_n);
         let contacts = mass_kg.len() - 1;
@@ -342,7 +342,7 @@ mod tests {
         assert_eq!(stiffnesses(StiffnessRule::List(vec![1.0, 2.0, 3.0])), [1.0, 7.0, 3.0]);
     }
 
-    /// The usual drag follows the scales, and these the contacts under the load, whose laws take the arrays: that was a circle.
+    /// The usual drag follows from the scales, and the scales from the contacts under the load, which must not ask for the drag.
     #[test]
     fn a_loaded_chain_of_several_powers_may_end_in_an_absorbing_end() {
         let chain = chain(|c| {

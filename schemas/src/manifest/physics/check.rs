@@ -1,4 +1,4 @@
-//! What a run may be.
+//! Checks of the physics of a run.
 
 use super::Physics;
 use super::arrays::{larger, smaller};
@@ -10,8 +10,8 @@ use crate::method::{Feature, Method};
 use std::collections::BTreeSet;
 
 impl Physics {
-    /// Checks the form of a manifest that came from elsewhere as strictly as a configuration, in a time in proportion to what is
-    /// written in it. What shows only in the whole chain is for [`check_whole`](Self::check_whole).
+    /// Checks the form of a manifest from elsewhere as strictly as a configuration, in a time proportional to its length.
+    /// [`check_whole`](Self::check_whole) checks the values that need the whole chain.
     pub(in crate::manifest) fn check_form(&self) -> Result<(), ConfigError> {
         self.check_written(&self.impurities, &self.contacts)?;
         self.check_method(false)?;
@@ -31,7 +31,7 @@ impl Physics {
         Ok(())
     }
 
-    /// The first thing of the run, by its key, that manifests of version 1.0 do not have.
+    /// The key of the first thing in the run that manifests of version 1.0 do not have.
     pub(in crate::manifest) fn key_since_1_1(&self) -> Option<&'static str> {
         let newer_end = |end: End| matches!(end, End::Periodic | End::Absorbing);
         [
@@ -56,7 +56,7 @@ impl Physics {
         .find_map(|(key, is_there)| is_there.then_some(key))
     }
 
-    /// Checks what takes the arrays of the chain: what disorder makes, the scales, and the step.
+    /// Checks all that needs the arrays of the chain: the values that disorder makes, the scales, and the step.
     pub(in crate::manifest) fn check_whole(&self) -> Result<(), ConfigError> {
         self.check_resolved()?;
         self.check_dt(self.dt_s)
@@ -120,7 +120,7 @@ impl Physics {
         self.check_velocity()
     }
 
-    /// One physics has one form, and one hash: lists in order, no −0.
+    /// Checks that lists are in order and no number is −0: one physics has one form, and one hash.
     fn check_order(&self) -> Result<(), ConfigError> {
         if !self.impurities.is_sorted_by_key(|impurity| impurity.bead) {
             return Err(ConfigError::value("impurities", "a list out of order", "the order of the beads"));
@@ -236,7 +236,7 @@ impl Physics {
         Ok(())
     }
 
-    /// Refuses what the method does not take; of a run that a configuration asks for also what it does not take any more.
+    /// Refuses a feature that the method does not take; in a new run also one that the method does not take any more.
     pub(super) fn check_method(&self, is_new: bool) -> Result<(), ConfigError> {
         let method = self.method;
         let is_refused =
@@ -274,7 +274,7 @@ impl Physics {
         Ok(())
     }
 
-    /// Overlaps come from `m·v0²/k` and from `load/k`, which must be far from where forces are flushed to zero.
+    /// Checks that overlaps, from `m·v0²/k` and from `load/k`, are far from where forces are flushed to zero.
     fn check_scales(&self) -> Result<(), ConfigError> {
         let scales = self.scales();
         let is_scale = |scale: f64| scale > 0.0 && scale.is_finite();
@@ -378,7 +378,7 @@ pub(super) fn range(values: &[f64]) -> (f64, f64) {
         .fold((f64::INFINITY, 0.0), |(low, high), value| (smaller(low, *value), larger(high, *value)))
 }
 
-/// One positive value for each of `count` beads or contacts.
+/// Checks that a list has one positive value for each of `count` beads or contacts.
 fn check_list(key: &str, list: &[f64], count: u64, what: &str, unit: &str) -> Result<(), ConfigError> {
     if list.len() as u64 != count {
         let allowed = format!("{count} values, one for each {what}");
@@ -395,7 +395,7 @@ pub(super) fn is_0_or_more(value: f64) -> bool {
     value == 0.0 || is_positive(value)
 }
 
-/// Positive, and far enough from the ends of the range that no product of scales leaves it.
+/// Checks that a value is positive, and so far from the ends of the range that no product of scales leaves it.
 pub(super) fn check_positive(key: &str, value: f64, unit: &str) -> Result<(), ConfigError> {
     if is_positive(value) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! What a seed makes of the masses and stiffnesses that the rules give.
+//! Random changes of the masses and stiffnesses that the rules give.
 
 use super::Physics;
 use super::check::range;
@@ -7,7 +7,7 @@ use crate::functions::exp;
 use crate::philox::uniform;
 use crate::random::{normal, permutation};
 
-/// Disorders of one chain.
+/// Largest number of disorders of one chain.
 const MOST_DISORDERS: usize = 16;
 
 /// Masses and stiffnesses of a chain, before powers and bonds share out the stiffnesses.
@@ -20,22 +20,22 @@ pub(super) struct Resolved {
     pub(super) walls: [f64; 2],
 }
 
-/// The smallest and the largest of what spheres and disorder make.
+/// The smallest and the largest mass and stiffness, after spheres and disorder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ranges {
-    /// Of the masses (kg).
+    /// The masses (kg).
     pub mass_kg: [f64; 2],
-    /// Of the stiffnesses (N·m^−α) of the contacts between beads.
+    /// The stiffnesses (N·m^−α) of the contacts between beads.
     pub stiffness: [f64; 2],
     /// The stiffnesses (N·m^−α) of the contacts with the left and the right wall, where there are walls.
     pub walls: [Option<f64>; 2],
 }
 
-/// Values that are made for a glance: milliseconds.
+/// Largest number of values that a glance makes: they take milliseconds.
 const GLANCE_VALUES: u64 = 1 << 17;
 
 impl Physics {
-    /// The ranges of masses and stiffnesses; none where the chain is so long that to make them takes more than a glance.
+    /// The ranges of masses and stiffnesses; none if the chain is so long that they take more than a glance.
     pub fn ranges_at_a_glance(&self) -> Option<Ranges> {
         let values = self.beads.saturating_mul(1 + self.disorder.len() as u64);
         (values <= GLANCE_VALUES).then(|| {
@@ -52,8 +52,8 @@ impl Physics {
         self.masses_and_stiffnesses().mass_kg
     }
 
-    /// The number of contacts that the rules of the chain give a number: N − 1, and in a ring the one that closes it, number N − 1. Kernel 2
-    /// took that one for a wall.
+    /// The number of contacts that the rules of the chain give a number: N − 1, and in a ring one more, number N − 1, which closes it.
+    /// Kernel 2 took that one for a wall.
     pub(super) fn contacts_by_rule(&self) -> u64 {
         self.beads - u64::from(self.ends.left != End::Periodic || self.kernel_version < 3)
     }
@@ -127,7 +127,7 @@ impl Physics {
         }
     }
 
-    /// Refuses disorder that cannot be.
+    /// Refuses impossible disorder.
     pub(super) fn check_disorder(&self) -> Result<(), ConfigError> {
         if self.disorder.len() > MOST_DISORDERS {
             let allowed = format!("at most {MOST_DISORDERS}: each goes through the whole chain");
@@ -174,7 +174,7 @@ impl Physics {
         Ok(())
     }
 
-    /// Refuses disorder that makes a mass or a stiffness that cannot be.
+    /// Refuses disorder that makes an impossible mass or stiffness.
     pub(super) fn check_what_disorder_makes(&self) -> Result<(), ConfigError> {
         if self.disorder.is_empty() {
             return Ok(());

@@ -5,7 +5,7 @@ use crate::config::{ConfigError, End};
 use crate::drive::{Place, Quantity, Side};
 use std::collections::{BTreeSet, HashMap};
 
-/// Steps in the shortest period of a drive, at least.
+/// Smallest number of steps in the shortest period of a drive.
 const STEPS_OF_PERIOD: f64 = 20.0;
 
 impl Physics {
@@ -54,7 +54,7 @@ impl Physics {
         Ok(())
     }
 
-    /// What can be said of the drives only when the steps are known.
+    /// Checks the drives against the duration and the time step of the run.
     pub(super) fn check_drive_times(&self) -> Result<(), ConfigError> {
         for (i, drive) in self.drives.iter().enumerate() {
             let key = format!("drive[{i}]");

@@ -44,7 +44,7 @@ impl Physics {
         Ok(())
     }
 
-    /// The drag of each bead (N·s/m): what is asked for, and at an absorbing end one that grows with the cube of the way into it.
+    /// The drag of each bead (N·s/m): the drag asked for, and at an absorbing end one that grows with the cube of the way into it.
     pub(super) fn drags(&self) -> Vec<f64> {
         let beads = usize_of(self.beads);
         let mut drag =
@@ -70,9 +70,9 @@ impl Physics {
         usize_of(self.ends.absorbing_beads.unwrap_or(usual))
     }
 
-    /// Half of `m/T` where contacts are loaded or bonds: a wave dies out on its way there and back. Where beads are loose the last of
-    /// them carry the energy away, as from a free end, and are slowed down then; a strong drag on the way would send back more than it
-    /// takes: 1/200 of `m/T`.
+    /// Half of `m/T` where contacts are loaded or bonds: a wave dies out on its way there and back. Where beads are loose, 1/200 of
+    /// `m/T`: the last of them carry the energy away, as from a free end, and are slowed down then. A strong drag on the way would
+    /// send back more than it takes.
     fn usual_drag_n_s_per_m(&self) -> f64 {
         let is_loose = self.load.is_none() && self.bonds.is_none();
         let part = if is_loose { 0.005 } else { 0.5 };

@@ -1,4 +1,4 @@
-//! The state at step 0: what may be asked for, and what it makes.
+//! The state at step 0: its checks, and its values.
 
 use super::arrays::larger;
 use super::check::check_positive;
@@ -178,7 +178,7 @@ impl Physics {
         v_m_s
     }
 
-    /// The speed (m/s) that what moves beads at first, or drives them, gives them at most; an estimate for scales. 0 where only
+    /// The largest speed (m/s) that strikers, initial velocities or drives give beads; an estimate for scales. 0 if only
     /// displacements are given.
     pub(super) fn typical_speed_m_s(&self) -> f64 {
         let mut most = 0.0;
@@ -203,7 +203,7 @@ impl Physics {
         most
     }
 
-    /// The overlap (m) that displacements at first, drives by displacement, or by force, give a contact at most; an estimate.
+    /// The largest overlap (m) that initial displacements, drives by displacement, or drives by force give a contact; an estimate.
     pub(super) fn typical_overlap_m(&self) -> f64 {
         let (mut most, mut pushed_n) = (0.0, 0.0);
         let mut with = |overlap_m: f64| most = larger(most, overlap_m.abs());
@@ -226,7 +226,7 @@ impl Physics {
     }
 }
 
-/// Displacement (m) and velocity (m/s) that a drive gives at first to what it moves.
+/// Initial displacement (m) and velocity (m/s) of the wall or bead that a drive moves.
 fn starts_at(drive: &Drive, start: Moment) -> (f64, f64) {
     match drive.prescribes {
         Quantity::Force => (0.0, 0.0),

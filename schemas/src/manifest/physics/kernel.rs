@@ -1,4 +1,4 @@
-//! Which version of the dynamics a run needs.
+//! The version of the dynamics that a run needs.
 
 use super::Physics;
 use crate::config::{Bonds, Disordered, End, Profile, StiffnessRule};
@@ -6,7 +6,7 @@ use crate::config::{Bonds, Disordered, End, Profile, StiffnessRule};
 impl Physics {
     /// The first version of the dynamics that gives the bits of this run as it is asked for today.
     ///
-    /// Version 3 is version 2 but for three kinds of runs: a step is made in pieces where a drive has a knot in it;
+    /// Version 3 differs from version 2 in three kinds of runs: a step is made in pieces where a drive has a knot in it;
     /// the contact that closes a ring follows the rule of the chain's contacts; disorder of radii reaches the walls.
     pub(super) fn first_kernel(&self) -> u32 {
         let is_newer = self.has_knots() || self.has_closing_rule() || self.has_disordered_walls();
@@ -21,7 +21,7 @@ impl Physics {
             .any(|drive| drive.waveform.knots_s().iter().any(|knot_s| (0.0..=end_s).contains(knot_s)))
     }
 
-    /// True if it is a ring whose contacts a rule tells apart.
+    /// True if it is a ring with a rule that tells its contacts apart.
     fn has_closing_rule(&self) -> bool {
         let is_even = |profile: &Profile| matches!(profile, Profile::Same(_));
         let mut bonds = self.bonds.iter().flat_map(Bonds::laws);
@@ -74,7 +74,7 @@ mod tests {
         assert_eq!(drive("step = { amplitude = 1.0, at_s = 1.0 }"), 2, "after the end of the run");
     }
 
-    /// Equal spheres in a ring are joined by equal contacts: with the formula of a wall the last was √2 stiffer.
+    /// Equal spheres in a ring are joined by equal contacts: with the formula of a wall the last would be √2 stiffer.
     #[test]
     fn the_contact_that_closes_a_ring_is_one_of_its_contacts() {
         let ring = physics(&chain(10, &format!("{PLAIN}stiffnesses = \"radii\"\n{PRESSED_RING}"))).chain();

@@ -7,11 +7,11 @@ use crate::damping::Damping;
 use crate::drive::Drive;
 use crate::material::{MATERIALS, Material};
 
-/// How many values are written out.
+/// Largest number of values that are written out.
 const SHOWN: usize = 4;
 
 impl Physics {
-    /// What differs from equal beads with free ends, a phrase each, in SI units; but for the impurities.
+    /// The differences from equal beads with free ends, but for the impurities: a phrase each, in SI units.
     ///
     /// ```
     /// use schemas::{manifest::Physics, presets::Preset};
@@ -51,7 +51,7 @@ impl Physics {
         phrases
     }
 
-    /// The phrases of what is added to one struck bead and one power law.
+    /// Adds a phrase for each thing beyond one struck bead and one power law.
     fn additions_in_words(&self, phrases: &mut Vec<String>) {
         if let Some(spheres) = &self.spheres {
             let mut words: Vec<_> = spheres.0.iter().take(SHOWN).map(sphere_in_words).collect();
@@ -124,7 +124,7 @@ fn sphere_in_words(sphere: &Sphere) -> String {
     format!("{material} (radius {})", typed_quantity(sphere.radius_m, "m"))
 }
 
-/// The words for what chance does to each value: `uniform ±20 %`.
+/// The words for a disorder: `uniform ±20 %`.
 fn disorder_in_words(disorder: &Disorder) -> String {
     let percent = |part: f64| typed(100.0 * part);
     let words = [
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// The particulars that a referee asks of a figure: what drives the chain, how disordered it is, what it is made of, and whether it is a ring.
+    /// The particulars that a referee asks of a figure: the drives, the disorder and the materials of the chain, and the ring if it is one.
     #[test]
     fn drives_disorder_materials_and_rings_have_their_numbers() {
         let text = "seed = 7\n[chain]\nbeads = 20\nspheres = [{ material = \"steel\", radius_m = 4.76e-3 }, \

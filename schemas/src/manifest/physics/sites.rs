@@ -1,4 +1,4 @@
-//! What acts on each bead beside its contacts.
+//! Springs, drag and resonators of each bead: their checks, and their values.
 
 use super::check::{is_0_or_more, is_positive};
 use super::{Physics, usize_of};
@@ -39,7 +39,7 @@ impl Physics {
         Ok(())
     }
 
-    /// What acts on each bead beside its contacts.
+    /// The springs, drag and resonators of each bead.
     pub(super) fn sites(&self) -> Sites {
         let beads = usize_of(self.beads);
         let values = |profile: &Option<Profile>| profile.as_ref().map(|profile| profile.values(beads));

@@ -1,4 +1,4 @@
-//! Spheres of given materials: what may be asked for, and the stiffnesses that they make.
+//! Spheres of given materials: their checks, and the stiffnesses that they give.
 
 use super::check::check_positive;
 use super::{Physics, usize_of};
@@ -56,8 +56,8 @@ impl Physics {
         Ok(())
     }
 
-    /// Refuses a mass or a stiffness that spheres do not have. It moves no bead: a recording that has one can be read, but is not what its
-    /// manifest says.
+    /// Refuses a `bead_mass_kg` or a `stiffness` that differs from that of the spheres. Neither moves a bead: a recording with such a
+    /// number can be read, but its manifest is wrong about the scales.
     ///
     /// # Errors
     /// With the number, and that of the spheres.
@@ -80,7 +80,7 @@ impl Physics {
         }
     }
 
-    /// The sphere that each bead is, before any disorder; none in a chain of masses.
+    /// The sphere of each bead, before any disorder; none in a chain of masses.
     pub(super) fn all_spheres(&self) -> Option<Vec<Sphere>> {
         let pattern = &self.spheres.as_ref()?.0;
         let mut all: Vec<Sphere> = pattern.iter().copied().cycle().take(usize_of(self.beads)).collect();

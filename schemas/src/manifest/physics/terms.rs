@@ -1,4 +1,4 @@
-//! Laws beside one power of one exponent: what may be asked for, and the terms that it makes.
+//! Laws beside one power of one exponent: their checks, and the terms that they give.
 
 use super::Physics;
 use super::check::{check_positive, is_0_or_more};
@@ -8,7 +8,7 @@ use crate::damping::Damping;
 use crate::term::{Term, TermLaw};
 
 impl Physics {
-    /// Whether contacts have other forces than one power of one exponent.
+    /// True if contacts have other forces than one power of one exponent.
     pub(super) fn has_other_laws(&self) -> bool {
         self.alphas.is_some() || self.second.is_some() || self.bonds.is_some()
     }
@@ -87,7 +87,7 @@ impl Physics {
         Ok(())
     }
 
-    /// What is left of the `stiffness` of the contacts for the law of exponent `alpha`, and the further terms of their forces.
+    /// The `stiffness` that contacts keep for the law of exponent `alpha`, and the further terms of their forces.
     pub(super) fn terms(&self, mut stiffness: Vec<f64>) -> (Vec<f64>, Vec<Term>) {
         let contacts = stiffness.len();
         let mut terms = Vec::new();
@@ -149,5 +149,5 @@ fn different(values: &[f64]) -> Vec<f64> {
     found
 }
 
-/// Different exponents that the contacts of a chain can have: each has a table of its own.
+/// Largest number of different exponents of the contacts of a chain: each has a table of its own.
 const MOST_EXPONENTS: usize = 16;

@@ -1,4 +1,4 @@
-//! Which time steps resolve a run, and which one it has by default.
+//! The time steps that resolve a run, and the default one.
 
 mod limits;
 
@@ -13,9 +13,9 @@ pub use limits::Limit;
 /// The step that one part of a chain allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Allowed {
-    /// The step (s) that it has by default.
+    /// The default step (s).
     usual_s: f64,
-    /// The longest one (s) that a run may have, where it sets one.
+    /// The longest step (s) that a run may have, if this part sets one.
     longest_s: f64,
     by: Limit,
 }
@@ -29,8 +29,8 @@ struct OneLaw {
 }
 
 impl Physics {
-    /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises, and what decides it: the shortest that any part of
-    /// the chain allows.
+    /// The step (s) with which energy is conserved as `docs/NUMERICS.md` promises, and the part of the chain that decides it, which
+    /// allows the shortest step.
     ///
     /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`](crate::method::Method::default_step_fraction),
     /// and for `struck` what `Method::struck_step_fraction` leaves of it. With damping it is a quarter of that, or
@@ -129,7 +129,7 @@ impl Physics {
         }));
     }
 
-    /// True if beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or whether many
+    /// True if beads are sent back again and again: by two walls, in a ring, by springs at their places, by a drive that swings; or if many
     /// of them move at first.
     fn opens_again_and_again(&self) -> bool {
         let is_walled = self.ends.left == End::Fixed && self.ends.right == End::Fixed;
@@ -141,8 +141,8 @@ impl Physics {
             || !self.on_site.is_none()
     }
 
-    /// True if it is a chain of equal beads and impurities with free ends that nothing loads, and that is struck: in these a contact
-    /// opens at full speed only where the shock reaches an end, or an impurity.
+    /// True if it is a struck chain of equal beads and impurities, with free ends and without load. In such a chain a contact opens at full
+    /// speed only where the shock reaches an end, or an impurity.
     fn is_of_the_paper(&self) -> bool {
         let is_even = self.masses.is_uniform() && self.stiffnesses.is_uniform() && self.contacts.is_empty();
         let is_even = is_even && self.disorder.is_empty() && self.odd_spheres.is_empty();
@@ -157,7 +157,7 @@ impl Physics {
             && self.on_site.is_none()
     }
 
-    /// Step (s) and number of steps of a run: a step that was asked for is kept, another one divides the duration.
+    /// Step (s) and number of steps of a run: a step that was asked for is kept, the default step divides the duration.
     pub(super) fn steps(&self, time: TimeConfig) -> Result<(f64, u64), ConfigError> {
         let Some(dt_s) = time.dt_s else { return self.whole_steps(time.duration_s, None) };
         self.check_dt(dt_s)?;
@@ -197,7 +197,7 @@ impl Physics {
         all.filter(|law| law.stiffest > 0.0).collect()
     }
 
-    /// The smallest exponent of any contact; infinite where there are none but bonds, which are smooth.
+    /// The smallest exponent of any contact; infinite if there are only bonds, which are smooth.
     pub fn smallest_alpha(&self) -> f64 {
         if self.bonds.is_some() {
             return f64::INFINITY;
@@ -206,16 +206,16 @@ impl Physics {
         alphas.into_iter().chain(self.second.iter().map(|second| second.alpha)).fold(f64::INFINITY, smaller)
     }
 
-    /// `√(m/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and the largest k of `law`: how fast
-    /// a bead of `mass_kg` moves between neighbours that the shock presses together. It is T in a chain of equal beads, and `T_fast` of
-    /// the lightest; nothing when nothing strikes.
+    /// `√(m/(k·L_s^(α−1)))` (s), with the overlap scale `L_s = (m_s·v0²/k)^(1/(α+1))` of the striker and the largest k of `law`: the time
+    /// in which a bead of `mass_kg` moves between neighbours that the shock presses together. It is T in a chain of equal beads, and
+    /// `T_fast` for the lightest; none if nothing strikes.
     fn collision_s(&self, law: OneLaw, mass_kg: f64) -> Option<f64> {
         let ratio = self.striker_ratio(law.stiffest)?;
         let pressed = power(ratio, (law.alpha - 1.0) / (law.alpha + 1.0));
         Some((mass_kg / (law.stiffest * pressed)).sqrt())
     }
 
-    /// `T_load`: as `T_fast`, for the overlap `L_s + δ_rest` with the largest rest overlap; nothing in a chain that is not loaded.
+    /// `T_load` (s): like `T_fast`, for the overlap `L_s + δ_rest` with the largest rest overlap; none in a chain that is not loaded.
     fn fastest_loaded_s(&self, law: OneLaw) -> Option<f64> {
         let rest_m = match &self.alphas {
             // each contact is pressed as its own law says
@@ -246,9 +246,9 @@ impl Physics {
         self.striker_ratio(law.stiffest).map_or(0.0, |ratio| power(ratio, 1.0 / (law.alpha + 1.0)))
     }
 
-    /// `T_settle` (s): in it damping between two neighbours at rest slows the lightest bead down by a factor e. For
-    /// dashpots that is `m_light/(2γ)`; for a coefficient of restitution `η·δ^p` is less than
-    /// `ζ·√(2·(α+1))·m_light/T`, with the shorter of `T_fast` and `T_load`; for others it is that of the overlap that is to be expected.
+    /// `T_settle` (s): the time in which damping between two neighbours at rest slows the lightest bead down by a factor e.
+    /// For dashpots it is `m_light/(2γ)`. For a coefficient of restitution `η·δ^p` is less than `ζ·√(2·(α+1))·m_light/T`, with the
+    /// shorter of `T_fast` and `T_load`. For others `η·δ^p` is that of the expected overlap.
     fn settling_s(&self, law: OneLaw) -> Option<f64> {
         let lightest_kg = self.extremes().lightest_kg;
         self.damping.map(|damping| match damping {
@@ -269,7 +269,7 @@ impl Physics {
         })
     }
 
-    /// `m_s·v0²/k` (m^(α+1)) of the striker, or of a bead at the speed at which drives move what they move, if anything moves.
+    /// `m_s·v0²/k` (m^(α+1)) of the striker, or of a bead at the speed that drives give; none if nothing moves.
     fn striker_ratio(&self, stiffness: f64) -> Option<f64> {
         let speed_m_s = self.typical_speed_m_s();
         let mass_kg = if self.striker.velocity_m_s == 0.0 { self.bead_mass_kg } else { self.striker_kg() };
@@ -344,7 +344,7 @@ mod tests {
         assert_eq!((physics.dt_s, physics.step_count), (1.7e-6, 47_059));
     }
 
-    /// 2.4 of the longest steps are two that are too long, or three.
+    /// A duration of 2.4 longest steps takes three steps: two would be too long.
     #[test]
     fn a_step_that_divides_is_never_longer_than_allowed() {
         let physics = light_impurity(|_| {});
@@ -354,8 +354,8 @@ mod tests {
         assert!(dt_s <= longest_s);
     }
 
-    /// Where contacts open and close at full speed, `rkn4` has 0.0075 T, half of it between walls; the chains of the paper
-    /// keep their 0.02 T.
+    /// The step of `rkn4` is 0.0075 T where contacts open and close at full speed, and half of that between walls; the chains of the
+    /// paper keep 0.02 T.
     #[test]
     fn what_opens_at_full_speed_has_shorter_steps() {
         let part_of_t = |change: fn(&mut RunConfig)| {

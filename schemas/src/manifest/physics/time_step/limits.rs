@@ -31,7 +31,7 @@ pub enum Limit {
 }
 
 impl Physics {
-    /// The words for what decides the default step: `by the contact of beads 3 and 4`. It looks for the bead or the contact in the whole chain.
+    /// The words for the limit of the default step: `by the contact of beads 3 and 4`. They need a search through the whole chain.
     ///
     /// ```
     /// use schemas::{manifest::Physics, presets::Preset};
@@ -126,7 +126,7 @@ impl Physics {
         (fastest.0 > 0.0).then(|| (1.0 / fastest.0.sqrt(), fastest.1))
     }
 
-    /// Which beads are impurities or odd spheres.
+    /// True for each bead that is an impurity or an odd sphere.
     fn impurity_marks(&self) -> Vec<bool> {
         let mut marks = vec![false; usize_of(self.beads)];
         let odd = self.odd_spheres.iter().map(|odd| odd.bead);
