@@ -1,4 +1,4 @@
-//! Which consumers may hold a publisher back, for how long, and what happens meanwhile.
+//! Handles consumers whose queues are full: which of them may hold a publisher back, and for how long.
 
 use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
@@ -16,20 +16,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Tries to send that are made at once; later ones are made after a pause.
+/// Number of tries to send without a pause; later tries come after a pause.
 const YIELDS: u64 = 50;
 
-/// How a consumer wants its frames.
+/// Kind of delivery that a consumer wants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// Every frame: holds the producer back.
+    /// The consumer gets every frame, and holds the producer back.
     Lossless,
-    /// Never holds the producer back, keeps a short queue, and counts the frames that it misses.
+    /// The consumer never holds the producer back, keeps a short queue, and counts the frames that it misses.
     Latest,
 }
 
 impl Delivery {
-    /// What a subscriber's name begins with.
+    /// Word with which a subscriber's name begins.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Lossless => "lossless",
@@ -42,7 +42,7 @@ impl Delivery {
     }
 }
 
-/// Something about consumers that a producer may report.
+/// Event that a producer may report about its consumers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ConsumerEvent {
     /// A consumer finished its handshake.
@@ -54,7 +54,7 @@ pub enum ConsumerEvent {
     Evicted {
         /// Name of its subscriber.
         name: String,
-        /// How long it held the run back.
+        /// Time for which the consumer held the run back.
         held: Duration,
     },
     /// Somebody removed or replaced the directory of the bus: attached consumers read on, and
@@ -65,7 +65,7 @@ pub enum ConsumerEvent {
     },
     /// The remains of dead processes were cleaned up while a consumer held the run back.
     CleanedUp {
-        /// How many processes.
+        /// Number of dead processes.
         dead: u64,
     },
 }
@@ -85,7 +85,7 @@ pub struct Remedies {
     pub connect_on_join: bool,
     /// Pause between two looks at a full queue, so that no core is kept busy.
     pub pause: bool,
-    /// Not a remedy: take every send for interrupted this many times, after it was delivered.
+    /// Number of times that a delivered send of a frame is treated as interrupted; a fault for tests, not a remedy.
     pub interruptions: u32,
 }
 
@@ -110,12 +110,12 @@ pub(super) struct Backpressure<T: Debug + ZeroCopySend + 'static> {
     pub(super) stop: Arc<AtomicBool>,
     remedies: Remedies,
     blocked: AtomicBool,
-    /// Whether the present send has waited for a consumer.
+    /// True if the present send has waited for a consumer.
     waited: AtomicBool,
-    /// Whether it repeats one that failed.
+    /// True if the present send repeats one that failed.
     resending: AtomicBool,
     evicted_count: AtomicU64,
-    /// `latest` consumers are waited for as well, briefly: the end of a stream is on its way.
+    /// True while the end of a stream is sent: the send then waits for `latest` consumers too, briefly.
     pub(super) ending: AtomicBool,
     memory: Mutex<Memory>,
 }
@@ -154,8 +154,8 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         })
     }
 
-    /// A publisher of rows of up to `most` elements that this decides for; none if a living process has one. A dead one may
-    /// take `patience` to vanish.
+    /// Creates a publisher of rows of up to `most` elements, with this value as its handler; none if a living process has one.
+    /// The publisher of a dead process may take `patience` to vanish.
     pub(super) fn publisher(
         self: &Arc<Self>,
         bus: &Bus,
@@ -180,7 +180,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         }
     }
 
-    /// Called by iceoryx2, in the middle of a send, for a consumer whose queue is full.
+    /// Decides about a consumer whose queue is full. iceoryx2 calls it in the middle of a send.
     pub(super) fn decide(&self, info: &BackpressureInfo) -> BackpressureAction {
         let mut memory = self.memory();
         let id = info.receiver_port_id;
@@ -223,14 +223,14 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         self.evicted_count.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Consumers attached before belong to an earlier producer of this name, and hold back this one
-    /// only after it has joined it.
+    /// Ignores the consumers attached now: they belong to an earlier producer of this name. One of them
+    /// holds this producer back only after joining it.
     pub(super) fn ignore_present(&self) {
         let present = self.consumers().into_keys();
         self.memory().holding.ignore(present);
     }
 
-    /// A consumer has joined; from now on it is waited for.
+    /// Notes that a consumer has joined; sends wait for it from now on.
     pub(super) fn joined(&self, id: u128, name: String) {
         let mut memory = self.memory();
         memory.holding.joined(id);
@@ -250,7 +250,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         BackpressureAction::Retry
     }
 
-    /// Sends by `send` until it does not fail inside iceoryx2, or [`Repeats`] has enough; `repeated` counts.
+    /// Calls `send` until it does not fail inside iceoryx2 or [`Repeats`] allows no more; adds the repetitions to `repeated`.
     pub(super) fn repeat<R>(
         &self,
         repeated: &mut u64,
@@ -319,7 +319,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
         self.service.dynamic_config().number_of_subscribers()
     }
 
-    /// Whether a lossless consumer held the publisher back since the last call.
+    /// True if a lossless consumer held the publisher back since the last call.
     pub(super) fn was_blocked(&self) -> bool {
         self.blocked.load(Ordering::Relaxed) && self.blocked.swap(false, Ordering::Relaxed)
     }
@@ -333,7 +333,7 @@ impl<T: Debug + ZeroCopySend + 'static> Backpressure<T> {
     }
 }
 
-/// Removes the remains of dead processes on this bus; returns how many.
+/// Removes the remains of dead processes on this bus; returns the number of these processes.
 pub(super) fn clean_dead(config: &Config) -> u64 {
     let mut dead = 0;
     // a list that is incomplete is completed the next time

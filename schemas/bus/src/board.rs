@@ -18,10 +18,10 @@ const KEY_MANIFEST: u64 = 0;
 const KEY_STATUS: u64 = 1;
 const KEY_PREVIOUS: u64 = 2;
 const MAX_READERS: usize = 4 * MAX_SUBSCRIBERS;
-/// How long the writer of a producer that is going away may stay registered.
+/// Longest time that the writer of a producer that is going away may stay registered.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The producer's side.
+/// The producer's side of the blackboard.
 ///
 /// An entry is held for no longer than one update: a producer that is killed while it holds one leaves it
 /// locked for as long as any consumer keeps the blackboard open, and the next producer could not take it over.
@@ -102,7 +102,7 @@ impl BoardWriter {
         Ok(())
     }
 
-    /// Writes how far the run is; the time of writing is filled in here.
+    /// Writes `status`, the progress of the run, and fills in the time of writing.
     pub(super) fn write(&self, status: &mut RunStatus) -> Result<(), BusError> {
         status.written_unix_ns = unix_ns();
         match &self.held {
@@ -112,7 +112,7 @@ impl BoardWriter {
         Ok(())
     }
 
-    /// For tests: holds the entry, as a simpler program would.
+    /// Holds the entry, as a simpler program would; for tests.
     pub(super) fn hold(&mut self) -> Result<(), BusError> {
         let entry = self.writer.entry::<RunStatus>(&KEY_STATUS);
         self.held = Some(entry.map_err(|e| BusError::service(&self.text, "hold", &e))?);
@@ -137,7 +137,7 @@ fn manifest_text(written: &[u8], length: usize, stream: StreamId) -> Box<Manifes
     })
 }
 
-/// A consumer's side.
+/// A consumer's side of the blackboard.
 pub(super) struct BoardReader {
     manifest: EntryHandle<Ipc, u64, ManifestText>,
     status: EntryHandle<Ipc, u64, RunStatus>,
@@ -165,18 +165,18 @@ impl BoardReader {
         }))
     }
 
-    /// How far the run is that was published last.
+    /// Progress of the stream that was published last.
     pub(super) fn status(&self) -> RunStatus {
         *self.status.get()
     }
 
-    /// The progress of `stream`, this one or the one before, if known.
+    /// Progress of `stream`, if it is the present stream or the one before.
     pub(super) fn status_of(&self, stream: StreamId) -> Option<RunStatus> {
         let (now, before) = (self.status(), *self.previous.get());
         [now, before].into_iter().find(|status| status.stream() == stream)
     }
 
-    /// The manifest's bytes, if they belong to `stream`; a long one is gone with its producer.
+    /// Bytes of the manifest, if it belongs to `stream`; the file of a long manifest goes with its producer.
     pub(super) fn manifest(&self, stream: StreamId) -> Option<Vec<u8>> {
         let text = self.manifest.get();
         let same = text.run_id == stream.run_id.0 && text.stream_id == stream.stream_id;

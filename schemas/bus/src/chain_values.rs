@@ -1,5 +1,5 @@
-//! The resolved chain as it lies on the bus: what every chain has. Terms of forces and what acts on beads beside their contacts follow
-//! from the manifest.
+//! Values of a resolved chain on the bus: those that every chain has. The manifest gives the rest: terms of forces, and
+//! everything that acts on beads beside their contacts.
 
 use schemas::chain::{Chain, Wall, Walls};
 use schemas::contact::ContactLaw;
@@ -14,6 +14,7 @@ pub(super) fn length(beads: usize) -> usize {
     beads + 4 * (beads - 1) + 2 * WALL
 }
 
+/// Values of `chain`:
 /// `[mass | stiffness | rest overlap | rest force | damping coefficient | left wall | right wall]`.
 pub(super) fn to_values(chain: &Chain) -> Vec<f64> {
     let mut values = Vec::with_capacity(length(chain.bead_count()));
@@ -31,7 +32,7 @@ pub(super) fn to_values(chain: &Chain) -> Vec<f64> {
     values
 }
 
-/// The chain of `physics` from what [`to_values`] made, if it has its length.
+/// Makes the chain of `physics` from the values of [`to_values`]; none if they do not fit.
 pub(super) fn from_values(physics: &Physics, values: &[f64]) -> Option<Chain> {
     let beads = usize::try_from(physics.beads).ok()?;
     if values.len() != length(beads) {

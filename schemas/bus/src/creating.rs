@@ -18,54 +18,56 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 const LOCK_FILE: &str = "creating.lock";
-/// How long one process may hold the lock. A start holds it for some milliseconds, or for as long as the memory of a large run takes.
+/// Longest time that one process may hold the lock. A start holds it for some milliseconds, or while it takes the memory of a large run.
 const LOCK_PATIENCE: Duration = Duration::from_secs(15);
-/// How long all others together may hold the lock: thousands of starts at once.
+/// Longest wait for the lock, over all of its holders: thousands of starts at once.
 const LONGEST_WAIT: Duration = Duration::from_mins(2);
-/// How often someone who waits for the lock looks who holds it.
+/// Time between two looks for the holder of the lock, while waiting for it.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
-/// Pauses between two tries to take the lock, the longer the longer it was waited: many who wait must not keep the cores busy.
+/// Shortest and longest pause between two tries to take the lock. The pause grows with the wait, so that many waiting
+/// processes do not keep the cores busy.
 const LOCK_PAUSES: [Duration; 2] = [Duration::from_millis(1), Duration::from_millis(20)];
-/// How long it is waited for a process that holds the lock and was stopped, and may never go on.
+/// Longest wait for a stopped process that holds the lock: it may never go on.
 const PATIENCE_WITH_STOPPED: Duration = Duration::from_millis(500);
-/// How long a service may be in the middle of being created or removed.
+/// Longest time that a service may be in the middle of being created or removed.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How old a half-made service must be, and how long it must have been seen: other people's programs do not
-/// take the lock, but need only milliseconds.
+/// Least age of a half-made service that may be removed, and least time for which it must have been seen. Other
+/// people's programs do not take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// What this process waits for before it can create something on the bus.
+/// Wait of this process for others that create something on the bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Waiting {
-    /// The lock.
+    /// Path of the lock.
     pub path: PathBuf,
-    /// The process that holds it, as far as the kernel tells.
+    /// Process that holds the lock, as far as the kernel tells.
     pub holder: Option<u32>,
-    /// How long we have waited by now.
+    /// Time waited so far.
     pub waited: Duration,
 }
 
-/// What is asked while we wait, one for the process, like the signals that it may look at.
+/// Function that is called during waits; one for the process, like the signals that the function may look at.
 static WHILE_WAITING: OnceLock<fn(&Waiting) -> ControlFlow<()>> = OnceLock::new();
 
-/// Has `ask` called some ten times a second while this process waits for others that create something on the bus. `Break`
-/// ends the wait with [`BusError::Stopped`]. Only the first call counts.
+/// Sets the function that is called some ten times a second while this process waits for others that create something
+/// on the bus. If the function returns `Break`, the wait ends with [`BusError::Stopped`]. Only the first call of
+/// `while_waiting` counts.
 pub fn while_waiting(ask: fn(&Waiting) -> ControlFlow<()>) {
     let _ = WHILE_WAITING.set(ask);
 }
 
-/// Held while something is created on the bus. A thread that holds it may take it again.
+/// Lock that is held while something is created on the bus. A thread that holds it may take it again.
 pub(super) struct CreationLock(Rc<Held>);
 
 struct Held {
-    /// Closing it unlocks.
+    /// Lock file; closing it unlocks.
     _file: File,
     exclusive: bool,
 }
 
 thread_local! {
-    /// What this thread holds.
+    /// Locks that this thread holds.
     static HELD: RefCell<Vec<(PathBuf, Weak<Held>)>> = const { RefCell::new(Vec::new()) };
 }
 
@@ -84,8 +86,8 @@ impl CreationLock {
         })
     }
 
-    /// Whether nobody else is creating anything. False if the lock's holder was stopped and is not waited for:
-    /// anything half-made may be its own.
+    /// True if nobody else is creating anything. False if the lock's holder is a stopped process that we did not wait
+    /// for: anything half-made may belong to that process.
     pub(super) fn is_exclusive(&self) -> bool {
         self.0.exclusive
     }
@@ -134,7 +136,7 @@ fn lock(path: &Path) -> Result<Held, BusError> {
     }
 }
 
-/// The process that holds the lock, as far as the kernel tells.
+/// Process that holds the lock, as far as the kernel tells.
 fn holder_of(file: &File) -> Option<u32> {
     let inode = file.metadata().ok()?.ino();
     let locks = std::fs::read_to_string("/proc/locks").ok()?;
@@ -148,7 +150,7 @@ fn holder_of(file: &File) -> Option<u32> {
     })
 }
 
-/// Whether the process was stopped (SIGSTOP, Ctrl-Z).
+/// True if the process was stopped (SIGSTOP, Ctrl-Z).
 fn is_stopped(process: u32) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     matches!(stat.rsplit(')').next().and_then(|state| state.trim_start().chars().next()), Some('T' | 't'))
@@ -158,7 +160,7 @@ pub(super) fn root_of(config: &Config) -> PathBuf {
     PathBuf::from(config.global.root_path().to_string())
 }
 
-/// Whether `path` is a file of ours that nobody has written for `age`.
+/// True if `path` is a file of ours that nobody has written for `age`.
 fn is_stale(path: &Path, age: Duration) -> bool {
     let Ok(found) = std::fs::symlink_metadata(path) else { return false };
     let untouched = found.modified().ok().and_then(|at| at.elapsed().ok());
@@ -166,7 +168,7 @@ fn is_stale(path: &Path, age: Duration) -> bool {
     found.is_file() && ours && untouched.is_some_and(|untouched| untouched >= age)
 }
 
-/// A service that is to be there.
+/// Service to be opened or created.
 pub(super) struct Wanted<'a> {
     pub(super) node: &'a Node<Ipc>,
     pub(super) text: &'a str,
@@ -175,8 +177,8 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Opens the service, or creates it; returns whether it is new. An existing service keeps the limits it was
-    /// created with.
+    /// Opens the service, or creates it; returns it, and true if it is new. An existing service keeps the limits it
+    /// was created with.
     pub(super) fn open_or_create<T, O: Classify, C: Classify>(
         &self,
         try_open: impl Fn() -> Result<T, O>,
@@ -217,7 +219,7 @@ impl Wanted<'_> {
         }
     }
 
-    /// Removes the description of the service, by which it exists; its other parts have their own names.
+    /// Removes the description of the service; without it the service does not exist. The other parts have names of their own.
     fn remove_half_made(&self) -> bool {
         let path = self.description();
         is_stale(&path, STALE_AFTER) && std::fs::remove_file(path).is_ok()

@@ -1,4 +1,4 @@
-//! Who made a file of the bus, by the numbers in its name.
+//! Finds the creator of a file of the bus by the numbers in the file's name.
 
 use rustix::time::{ClockId, clock_gettime};
 use std::collections::HashMap;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Ticks a second in `/proc/*/stat`, on every Linux.
 const TICKS_PER_S: u64 = 100;
-/// Fewest digits of an id: a process id other than 0 stands above its 64 low bits.
+/// Fewest digits of an id: its process number is not 0, and stands above the 64 low bits.
 const LEAST_DIGITS: usize = 20;
 
 /// The id of a node, a port or a service: seconds and nanoseconds of the monotonic clock, process and counter,
@@ -15,7 +15,7 @@ const LEAST_DIGITS: usize = 20;
 pub(super) struct Id(pub(super) u128);
 
 impl Id {
-    /// The ids in the name of a file: the numbers between `_` at the end of what comes before the first `.`.
+    /// Ids in the name of a file: the numbers between `_` at the end of the part before the first `.`.
     pub(super) fn all_in(name: &str) -> Vec<Self> {
         let stem = name.split('.').next().unwrap_or_default();
         let number = |part: &str| {
@@ -36,18 +36,18 @@ impl Id {
         u64::from(self.0 as u32)
     }
 
-    /// Whether the process that made this id lives; in doubt, it does.
+    /// True if the process that made this id lives; also true in doubt.
     pub(super) fn creator_lives(self) -> bool {
         Processes::default().has_creator_of(self)
     }
 }
 
-/// The processes that were asked for, and since when they live (s of the monotonic clock); none if they do not.
+/// Processes looked up so far, each with the time at which it began (s of the monotonic clock); none if it is dead.
 #[derive(Default)]
 pub(super) struct Processes(HashMap<u32, Option<u64>>);
 
 impl Processes {
-    /// As [`Id::creator_lives`], with one look at each process.
+    /// As [`Id::creator_lives`], but looks at each process only once.
     pub(super) fn has_creator_of(&mut self, id: Id) -> bool {
         let began_at_s = *self.0.entry(id.process()).or_insert_with(|| {
             match std::fs::read_to_string(format!("/proc/{}/stat", id.process())) {
@@ -61,7 +61,7 @@ impl Processes {
     }
 }
 
-/// When the process of `/proc/PID/stat` began, by the monotonic clock (s); none if it is dead and not yet buried.
+/// Time at which the process of `/proc/PID/stat` began (s of the monotonic clock); none if it is dead and not yet buried.
 fn began_at_s(stat: &str) -> Option<u64> {
     let mut fields = stat.rsplit(')').next()?.split_ascii_whitespace();
     if matches!(fields.next()?, "Z" | "X") {

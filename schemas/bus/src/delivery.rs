@@ -1,8 +1,8 @@
-//! What the two sides of a run decide: whom a frame waits for and for how long, who has joined from which frame on, what
-//! a consumer is told, and when it is all over.
+//! Decisions of the two sides of a run: whom a frame waits for and for how long, who has joined from which frame on,
+//! what a consumer is told, and when the stream is over.
 //!
-//! Nothing here waits, looks at a clock or knows the transport. `publisher`, `backpressure` and `live` do what these say;
-//! `tests/bus/simulation` does so too, on a transport of its own, in a million different orders.
+//! This module does not wait, look at a clock or know the transport. `publisher`, `backpressure` and `live` carry out its
+//! decisions; `tests/bus/simulation` does so too, on a transport of its own, in a million different orders.
 
 mod following;
 mod holding;
@@ -17,5 +17,5 @@ pub use publishing::{Asked, Publishing};
 
 use std::time::Duration;
 
-/// How long nothing comes before a consumer asks whether the producer lives.
+/// Time without news after which a consumer asks if the producer lives.
 pub(crate) const LIVENESS_PERIOD: Duration = Duration::from_millis(500);

@@ -14,24 +14,25 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 pub(super) const SEGMENTS: &str = "/dev/shm";
-/// How long a segment may be half-made while a possible creator lives; creating takes microseconds.
+/// Longest time that a segment may be half-made while a possible creator lives; creating takes microseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The same once one of them is dead.
+/// Longest such time once one of two possible creators is dead.
 const PATIENCE_WITH_ONE: Duration = Duration::from_secs(1);
-/// How often another process may be found cleaning up, and how long to wait for it each time.
+/// Most waits for another process that is cleaning up.
 const CLEANERS: u32 = 5;
+/// Length of one such wait.
 const CLEANER_PAUSE: Duration = Duration::from_millis(20);
-/// How long a process that ends may take from one of its files to the next.
+/// Longest time that a process that ends may take from one of its files to the next.
 const LEAVING: Duration = Duration::from_millis(5);
 
-/// What was taken away.
+/// Leftovers that were removed.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Removed {
-    /// Unfinished segments, on which every opener waited.
+    /// Number of unfinished segments; every opener waited for them.
     pub(super) half_made: u64,
-    /// Segments and files without an owner.
+    /// Number of segments and files without an owner.
     pub(super) orphans: u64,
-    /// What these took.
+    /// Bytes that the orphans took.
     pub(super) bytes: u64,
 }
 
@@ -59,7 +60,7 @@ struct BusFile {
 }
 
 impl BusFile {
-    /// iceoryx2 makes its files readable when they are whole.
+    /// True if the file is not whole yet: iceoryx2 makes a file readable when it is whole.
     fn is_half_made(&self) -> bool {
         self.metadata.len() == 0 || self.metadata.mode() & 0o400 == 0
     }
@@ -93,7 +94,7 @@ fn segments(prefix: &str) -> Vec<BusFile> {
     files_in(Path::new(SEGMENTS), prefix)
 }
 
-/// Remembers since when segments are half-made, and which ones are whole.
+/// Remembers when each half-made segment was first seen, and which segments are whole.
 #[derive(Default)]
 pub(super) struct HalfMade {
     since: HashMap<(PathBuf, u64), Instant>,
@@ -129,8 +130,8 @@ impl HalfMade {
     }
 }
 
-/// Whether anything on the bus may be without an owner, by the names that are there alone: it is made by a process that does not
-/// live, or is a service that no node uses. Call it with the lock held.
+/// True if anything on the bus may be without an owner, judged by names alone: its creator is dead, or it is a service that no
+/// node uses. Call it with the lock held.
 pub(super) fn may_be_there(root: &Path, prefix: &str, family: &str, config: &Config) -> bool {
     let mut suspects = services_of_nobody(prefix, config);
     let mut processes = Processes::default();
@@ -153,7 +154,8 @@ pub(super) fn may_be_there(root: &Path, prefix: &str, family: &str, config: &Con
     suspects.iter().any(|path| path.symlink_metadata().is_ok())
 }
 
-/// The descriptions of services that no node uses. A node says so before it makes a service, and until it is about to remove it.
+/// Descriptions of services that no node uses. A node registers its use of a service before it makes the service, and until it is
+/// about to remove it.
 fn services_of_nobody(prefix: &str, config: &Config) -> Vec<PathBuf> {
     let services = names_in(Path::new(&config.global.service_dir().to_string()), prefix);
     let nodes = names_in(Path::new(&config.global.node_dir().to_string()), "");
@@ -164,7 +166,7 @@ fn services_of_nobody(prefix: &str, config: &Config) -> Vec<PathBuf> {
     unused.map(|(path, _)| path).collect()
 }
 
-/// What comes before the first `.`.
+/// Part of a name before the first `.`.
 fn stem(name: &str) -> &str {
     name.split('.').next().unwrap_or_default()
 }
@@ -176,7 +178,7 @@ fn names_in(directory: &Path, prefix: &str) -> Vec<(PathBuf, String)> {
 }
 
 /// Removes everything that belongs to no living node and to no service. Call it with the lock held, so that nobody is
-/// in the middle of creating a service, and after a node was made, which cleans up after the dead it knows.
+/// in the middle of creating a service, and after making a node, which cleans up after the dead processes that it knows.
 pub(super) fn remove_orphans(root: &Path, prefix: &str, config: &Config) -> Removed {
     let mut removed = Removed::default();
     let mut files = segments(prefix);
@@ -197,7 +199,7 @@ pub(super) fn remove_orphans(root: &Path, prefix: &str, config: &Config) -> Remo
     removed
 }
 
-/// The nodes whose processes live, and how many are dead; none when that cannot be found out.
+/// Nodes whose processes live, and the number of dead nodes; none if the nodes cannot be listed.
 fn node_states(config: &Config) -> Option<(HashSet<Id>, u64)> {
     let (mut living, mut dead) = (HashSet::new(), 0);
     let listed = Node::<Ipc>::list(config, |node| {
@@ -240,15 +242,15 @@ fn remove_dead_nodes(nodes: &Path, config: &Config, removed: &mut Removed) {
     }
 }
 
-/// The ports of all nodes. A port has its tag before it has anything else.
+/// Ids of the ports of all nodes. A port has its tag before it has anything else.
 fn port_ids(nodes: &Path, prefix: &str) -> HashSet<Id> {
     let directories = fs::read_dir(nodes).into_iter().flatten().flatten();
     let tags = directories.flat_map(|node| files_in(&node.path(), prefix));
     tags.filter(|tag| tag.name.ends_with(".port_tag")).flat_map(|tag| tag.ids).collect()
 }
 
-/// Removes descriptions of services that nobody can use any more: half-made, without the service, or without a
-/// node that lives. Returns the ids of the others. The lock's holder is making none.
+/// Removes descriptions of services that nobody can use any more: half-made ones, those without the service, and those
+/// without a living node. Returns the ids of the other services. The caller holds the lock, and is making no service.
 fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed: &mut Removed) -> Vec<Id> {
     // a description can be written to until it is whole
     let half_made = |file: &BusFile| file.metadata.len() == 0 || file.metadata.mode() & 0o777 != 0o400;
@@ -278,8 +280,8 @@ fn remove_dead_services(directory: &Path, prefix: &str, config: &Config, removed
     ids
 }
 
-/// Removes everything of an earlier secret of the same root, once all its makers are dead: the root was
-/// cleaned away, and its secret with it.
+/// Removes all segments of an earlier secret of the same root, once all their creators are dead. Such a secret was
+/// lost when the root was cleaned away.
 pub(super) fn remove_earlier(prefix: &str, family: &str) -> Removed {
     let mut removed = Removed::default();
     let earlier = || segments(family).into_iter().filter(|segment| !segment.name.starts_with(prefix));

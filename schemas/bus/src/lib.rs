@@ -67,7 +67,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use warden::Warden;
 
-/// Ports may be used from any thread; the same services as those of single-threaded programs.
+/// Service type of the bus. Its ports may be used from any thread. Single-threaded programs use the same services.
 type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;
 
 /// The bus of one user: a directory, and everything in shared memory that goes with it.
@@ -76,7 +76,7 @@ pub struct Bus {
     root: PathBuf,
     prefix: String,
     config: Config,
-    /// Started as soon as something waits for others.
+    /// Started as soon as something waits for other processes.
     warden: Arc<OnceLock<Warden>>,
 }
 
@@ -114,23 +114,23 @@ impl Bus {
         &self.root
     }
 
-    /// What the names of this bus in `/dev/shm` begin with: see `docs/FORMAT.md` for the rule.
+    /// Start of the names of this bus in `/dev/shm`; `docs/FORMAT.md` has the rule.
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// What was in this process's way, and was removed, since the last call.
+    /// Notice of leftovers that were in this process's way and have been removed since the last call.
     pub fn take_notice(&self) -> Option<BusNotice> {
         let removed = self.warden.get()?.take_removed();
         (removed != Removed::default()).then_some(BusNotice(removed))
     }
 
-    /// Whether somebody has removed the directory, so that nobody finds the runs published here any more.
+    /// True if somebody has removed the directory, so that nobody finds the runs published here any more.
     fn is_gone(&self) -> bool {
         self.warden.get().is_some_and(Warden::root_is_gone)
     }
 
-    /// Held while creating things that others may find half-made.
+    /// Takes the lock, which is held while creating things that others may find half-made.
     fn lock(&self) -> Result<CreationLock, BusError> {
         CreationLock::take(&self.root)
     }
@@ -144,21 +144,21 @@ impl Bus {
         &self.config
     }
 
-    /// What programs need that use this bus through nothing but iceoryx2, to measure ours against: its configuration,
-    /// with nothing in their way.
+    /// iceoryx2 configuration of this bus, with nothing in the way of its users. Programs that use the bus through iceoryx2
+    /// alone need it, to be measured against this crate.
     #[doc(hidden)]
     pub fn bare_config(&self) -> Result<&Config, BusError> {
         self.clear_the_way()?;
         Ok(&self.config)
     }
 
-    /// Registers this process, and cleans up what dead ones left.
+    /// Registers this process, and cleans up the remains of dead ones.
     fn node(&self) -> Result<Node<Ipc>, BusError> {
         self.prepare()?;
         self.prepared_node()
     }
 
-    /// What comes before registering, and needs no lock.
+    /// Prepares for registering. The caller needs no lock.
     fn prepare(&self) -> Result<(), BusError> {
         // before anything that may wait for others
         self.warden();
@@ -166,7 +166,7 @@ impl Bus {
         self.clear_the_way()
     }
 
-    /// As [`Bus::node`], after [`Bus::prepare`].
+    /// Does the rest of [`Bus::node`], after [`Bus::prepare`].
     fn prepared_node(&self) -> Result<Node<Ipc>, BusError> {
         let lock = self.lock()?;
         let family = root::family(&self.root);
@@ -189,8 +189,8 @@ impl Bus {
         self.node_with(&self.config_without_cleanup())
     }
 
-    /// Without looks at all other nodes each time that something is made, opened or left: with a hundred processes they would take
-    /// most of the time of each.
+    /// Configuration that does not look at all other nodes each time that something is made, opened or left: with a hundred
+    /// processes these looks would take most of the time of each process.
     fn config_without_cleanup(&self) -> Config {
         let mut config = self.config.clone();
         config.global.node.cleanup_dead_nodes_on_creation = false;
@@ -223,12 +223,12 @@ impl Bus {
         }
     }
 
-    /// Removes everything that iceoryx2 would wait for; the warden removes what appears later.
+    /// Removes everything that iceoryx2 would wait for; the warden removes later things of this kind.
     fn clear_half_made(&self) {
         self.warden().note(HalfMade::default().remove(&self.prefix));
     }
 
-    /// The same, and repairs the segment that all processes share.
+    /// Does the same, and repairs the segment that all processes share.
     fn clear_the_way(&self) -> Result<(), BusError> {
         self.clear_half_made();
         if !shared_segment::is_ready(&self.prefix) {
@@ -239,7 +239,7 @@ impl Bus {
         Ok(())
     }
 
-    /// Whether the process behind `node_id` lives.
+    /// True if the process behind `node_id` lives, or if the nodes cannot be listed.
     fn is_alive(&self, node_id: [u8; 16]) -> bool {
         let id = u128::from_le_bytes(node_id);
         let mut alive = false;
@@ -252,7 +252,7 @@ impl Bus {
         alive || listed.is_err()
     }
 
-    /// Whether a publisher of `service` belongs to a living process.
+    /// True if a publisher of `service` belongs to a living process.
     fn has_live_publisher<T>(&self, service: &services::SliceService<T>) -> bool
     where
         T: std::fmt::Debug + iceoryx2::prelude::ZeroCopySend,
@@ -266,7 +266,7 @@ impl Bus {
     }
 }
 
-/// What was in the way, and is not any more.
+/// Notice of leftovers that were in the way and have been removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BusNotice(Removed);
 

@@ -33,10 +33,10 @@ pub enum LiveError {
     Receive {
         /// The run.
         name: RunName,
-        /// What iceoryx2 says.
+        /// Error from iceoryx2.
         cause: String,
     },
-    /// A frame of another length than the manifest's.
+    /// A frame has another length than the manifest's.
     #[error("run {name}: frame {frame} has {found} values, its manifest says {expected}")]
     Shape {
         /// The run.
@@ -53,7 +53,7 @@ pub enum LiveError {
 type StateSample = Sample<Ipc, [f64], StateHeader>;
 type StateSubscriber = Subscriber<Ipc, [f64], StateHeader>;
 
-/// Dropped as soon as the stream has ended, so that we do not hold a new producer back.
+/// Ports of a source. They are dropped as soon as the stream has ended, so that they do not hold a new producer back.
 struct Ports {
     subscriber: StateSubscriber,
     listener: Listener<Ipc>,
@@ -61,7 +61,7 @@ struct Ports {
     _node: Node<Ipc>,
 }
 
-/// The frames of a run that is being published, as they come.
+/// Source of the frames of a run that is being published, as they come.
 pub struct LiveSource {
     // samples before ports: a sample is given back through them
     sample: Option<StateSample>,
@@ -83,12 +83,12 @@ impl LiveSource {
         &self.chain
     }
 
-    /// The flag that ends it.
+    /// Flag that ends the source when it is set.
     pub fn stop(&self) -> &Arc<AtomicBool> {
         &self.stop
     }
 
-    /// Which publishing of which run this is.
+    /// Identity of the stream: the run, and this publishing of it.
     pub fn stream(&self) -> StreamId {
         self.stream
     }
@@ -98,16 +98,16 @@ impl LiveSource {
         self.first_frame
     }
 
-    /// Keeps the frame that was lent last where it is, beyond the next call of `receive`; none if there is none.
+    /// Keeps the frame that was lent last in its place, beyond the next call of `receive`; none if no frame is lent.
     ///
-    /// A consumer may hold [`BORROWED`](super::BORROWED) frames at a time, the one that it receives included: with as many
-    /// held, nothing can be received.
+    /// A consumer may have [`BORROWED`](super::BORROWED) frames at a time, including the one that it receives. A consumer that
+    /// holds so many can receive nothing.
     pub fn hold(&mut self) -> Option<HeldState> {
         let beads = usize::try_from(self.manifest.physics.beads).unwrap_or(usize::MAX);
         self.sample.take().map(|sample| HeldState { sample, beads })
     }
 
-    /// A publisher of results about these frames.
+    /// Creates a publisher of results about these frames.
     ///
     /// # Errors
     /// As [`ResultPublisher::create`].
@@ -120,19 +120,19 @@ impl LiveSource {
         ResultPublisher::create(&self.bus, &self.name(), topic, self.stream(), columns, stop)
     }
 
-    /// How many published frames did not reach us.
+    /// Number of published frames that did not reach us.
     pub fn missed_count(&self) -> u64 {
         self.following.missed_count()
     }
 
-    /// How many frames have been published that we have not taken yet, as far as the producer has said: for a
-    /// consumer that wants the newest one. Some of them may be lost to a consumer that takes what there is.
+    /// Number of published frames that we have not taken yet, as far as the producer has said; for a consumer that wants
+    /// the newest frame. A `latest` consumer may never get some of them.
     pub fn behind(&self) -> u64 {
         let last = self.status().and_then(|status| status.last_frame());
         last.map_or(0, |last| (last + 1).saturating_sub(self.following.expected()))
     }
 
-    /// Nothing is read any more.
+    /// Lets go of the sample, the ports and the position file; nothing is read any more.
     fn let_go(&mut self) {
         self.sample = None;
         self.ports = None;
@@ -170,7 +170,7 @@ impl LiveSource {
         Ok(Received::Frame(Frame::of_doubles((frame, step, time_s), beads, sample.payload())))
     }
 
-    /// Tells others how far we are.
+    /// Tells other processes the position of this consumer.
     fn tell(&mut self, now: Instant) {
         let Some(ports) = &self.ports else { return };
         let (next_frame, missed) = (self.following.expected(), self.following.missed_count());
@@ -189,7 +189,7 @@ impl LiveSource {
 
     /// As `receive`, but waits at most for `patience` (and never longer than 50 ms); none if nothing came.
     ///
-    /// At the end it stays attached, so that frames which are held stay as they are until this source is dropped.
+    /// After the end the source stays attached, so that held frames stay as they are until the source is dropped.
     ///
     /// # Errors
     /// As `receive`.
@@ -207,7 +207,7 @@ impl LiveSource {
         }
     }
 
-    /// Does what there is to do, until there is something to tell or to wait for.
+    /// Takes turns until there is something to tell or to wait for.
     fn next_turn(&mut self) -> Result<Turn, LiveError> {
         loop {
             if self.stop.load(Ordering::Relaxed) {
@@ -223,7 +223,7 @@ impl LiveSource {
     }
 }
 
-/// A frame in shared memory that stays as it is for as long as this is kept and its source is attached.
+/// Frame in shared memory that stays as it is while this value is kept and its source is attached.
 ///
 /// A producer that goes on without this consumer takes the memory back.
 pub struct HeldState {

@@ -1,7 +1,7 @@
 //! The file of a manifest that is too long for the blackboard.
 //!
-//! It lies in the root and has the id of its producer's node in its name, so that the next start removes what a killed
-//! producer leaves.
+//! The file lies in the root. Its name has the id of its producer's node, so that the next start removes the file of a
+//! killed producer.
 
 use super::{Bus, BusError, Ipc};
 use iceoryx2::node::Node;
@@ -11,7 +11,7 @@ use std::io::{Read as _, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
-/// Removed when it is dropped.
+/// File of a long manifest; removed when this value is dropped.
 pub(super) struct ManifestFile {
     path: PathBuf,
     name: String,
@@ -28,7 +28,7 @@ impl ManifestFile {
         Ok(file)
     }
 
-    /// Its name in the root.
+    /// Name of the file in the root.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -41,7 +41,7 @@ impl Drop for ManifestFile {
     }
 }
 
-/// The manifest of `length` bytes in the file that `name`, filled up with zeros, is of; none if it is gone.
+/// Reads the manifest of `length` bytes from the file `name`, which is filled up with zeros; none if the file is gone.
 pub(super) fn read(root: &Path, name: &[u8], length: usize) -> Option<Vec<u8>> {
     let name = std::str::from_utf8(name.split(|byte| *byte == 0).next()?).ok()?;
     if name.contains('/') || !name.ends_with(".manifest") || length > MAX_JSON_BYTES {

@@ -1,4 +1,4 @@
-//! Publishing a topic of slices, whose consumers may hold it back: what frames and rows of results have in common.
+//! Publishes a topic of slices whose consumers may hold it back: the common part of frames and rows of results.
 
 use super::backpressure::{Backpressure, Remedies};
 use super::services::{self, SliceService, check_schema, text_of};
@@ -14,15 +14,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often we look whether others have done what we wait for.
+/// Time between two looks at the work of others that we wait for.
 const LOOK_PERIOD: Duration = Duration::from_millis(1);
-/// How often we look meanwhile whether they live.
+/// Time between two clean-ups of dead processes during such a wait.
 const CLEAN_PERIOD: Duration = Duration::from_millis(50);
 
-/// A publisher and what decides whom it waits for.
+/// A publisher, and the handler that decides whom it waits for.
 pub(super) type Outlet<T> = (Publisher<Ipc, [T], StateHeader>, Arc<Backpressure<T>>);
 
-/// A topic that is to be published. Its bus is locked until it has its memory.
+/// Topic to be published. The caller keeps the bus locked until the topic has its memory.
 pub(super) struct Opening<'a> {
     pub(super) bus: &'a Bus,
     pub(super) node: &'a Node<Ipc>,
@@ -30,17 +30,18 @@ pub(super) struct Opening<'a> {
     pub(super) topic: Topic,
     /// Elements of the longest slice.
     pub(super) elements: usize,
-    /// Ends a send that is held back.
+    /// Flag that ends a send that is held back.
     pub(super) stop: Arc<AtomicBool>,
-    /// How long a lossless consumer may take nothing.
+    /// Longest time that a lossless consumer may take nothing.
     pub(super) stuck_after: Duration,
-    /// How long a dead publisher may take to vanish.
+    /// Longest time that a dead publisher may take to vanish.
     pub(super) patience: Duration,
     pub(super) remedies: Remedies,
 }
 
 impl Opening<'_> {
-    /// The service, with attributes `more` if it is new. One that consumers of an earlier run still hold stays as it is.
+    /// Opens or creates the service, with attributes `more` if it is new. A service that consumers of an earlier run still
+    /// hold stays as it is.
     pub(super) fn service<T: Debug + ZeroCopySend + 'static>(
         &self,
         more: &[(&str, String)],
@@ -54,7 +55,7 @@ impl Opening<'_> {
         Ok(service)
     }
 
-    /// The publisher of `service`, with all of its memory; none if a living process has one.
+    /// Creates the publisher of `service`, with all of its memory; none if a living process has one.
     pub(super) fn publisher<T: Debug + ZeroCopySend + 'static>(
         self,
         service: SliceService<T>,
@@ -74,8 +75,8 @@ impl Opening<'_> {
     }
 }
 
-/// Waits until other processes have done what `is_done` looks at, `stop` is set, or `at_most` is over. Dead ones are
-/// cleaned up meanwhile.
+/// Waits until `is_done` finds the work of other processes done, `stop` is set, or `at_most` is over. Cleans up dead
+/// processes meanwhile.
 pub(super) fn wait_for_others(
     node: &Node<Ipc>,
     stop: &AtomicBool,

@@ -1,4 +1,5 @@
-//! Each consumer writes its position to a small file, since nobody else knows what it has taken from its queue.
+//! Positions of consumers. Each consumer writes its own to a small file, as nobody else knows which frames it has taken from
+//! its queue.
 
 use super::board::unix_ns;
 use super::creator::Id;
@@ -7,21 +8,21 @@ use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How often a consumer tells.
+/// Time between two writes of a consumer's position.
 const TELL_PERIOD: Duration = Duration::from_millis(100);
-/// Where they lie in the root.
+/// Folder of the position files in the root.
 const FOLDER: &str = "at";
-/// An older position is out of date: the consumer is busy with a frame.
+/// Age from which a position is out of date: its consumer is busy with a frame.
 const FRESH: Duration = Duration::from_millis(500);
 
-/// What a consumer tells about itself.
+/// Position of a consumer in the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Position {
-    /// The first frame that it does not have.
+    /// The first frame that the consumer does not have.
     pub(super) next_frame: u64,
-    /// Published frames that it did not have when it wrote.
+    /// Published frames that the consumer did not have when it wrote.
     pub(super) behind: u64,
-    /// Frames that it has missed.
+    /// Frames that the consumer has missed.
     pub(super) missed: u64,
 }
 
@@ -35,8 +36,8 @@ impl Position {
         bytes
     }
 
-    /// The last position of the consumer with the subscriber `id`, with the frames that it lacks of those up to
-    /// `last_frame`; none if it tells nothing.
+    /// Reads the last position of the consumer with the subscriber `id`; none if the consumer tells nothing. If the
+    /// position is out of date, `behind` counts the missing frames up to `last_frame`.
     pub(super) fn read(root: &Path, id: u128, last_frame: Option<u64>) -> Option<Self> {
         let bytes: [u8; 32] = fs::read(path(root, id)).ok()?.try_into().ok()?;
         let mut values = bytes
@@ -57,7 +58,7 @@ fn path(root: &Path, id: u128) -> PathBuf {
 /// Writes the position of a consumer; removes it when dropped.
 #[derive(Debug)]
 pub(super) struct Teller {
-    /// None if it could not be made: consumers work without it.
+    /// File and its path; none if the file could not be made: consumers work without it.
     file: Option<(File, PathBuf)>,
     told_at: Option<Instant>,
 }
@@ -73,7 +74,7 @@ impl Teller {
         Self { file: file.map(|file| (file, path)), ..Self::none() }
     }
 
-    /// Tells nothing.
+    /// Makes a teller that tells nothing.
     pub(super) fn none() -> Self {
         Self { file: None, told_at: None }
     }
@@ -97,7 +98,7 @@ impl Drop for Teller {
     }
 }
 
-/// Removes what killed consumers have left.
+/// Removes the positions that killed consumers have left.
 pub(super) fn remove_dead(root: &Path) {
     for path in of_the_dead(root) {
         let _ = fs::remove_file(path);

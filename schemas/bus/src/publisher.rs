@@ -26,21 +26,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often consumers are counted for the status.
+/// Time between two counts of consumers for the status.
 const COUNT_PERIOD: Duration = Duration::from_millis(100);
-/// How often an idle producer looks around.
+/// Longest wait of an idle producer before it looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
 
-/// How a run is published.
+/// Options for publishing a run.
 #[derive(Debug, Clone)]
 pub struct PublishOptions {
     /// Number of the first frame that will be published.
     pub first_frame: u64,
-    /// How long a lossless consumer may take nothing before it is dropped. Default: 30 s.
+    /// Longest time that a lossless consumer may take nothing before it is dropped. Default: 30 s.
     pub stuck_after: Duration,
     /// When set, a publish that is held back gives up with [`PublishError::Stopped`].
     pub stop: Arc<AtomicBool>,
-    /// What tests switch off.
+    /// Remedies that tests switch off.
     #[cfg(feature = "faults")]
     pub remedies: Remedies,
 }
@@ -70,7 +70,7 @@ impl PublishOptions {
     }
 }
 
-/// How waiting for consumers ended.
+/// Result of a wait for consumers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WaitOutcome {
     /// Enough lossless consumers are ready.
@@ -84,18 +84,18 @@ pub enum WaitOutcome {
     },
 }
 
-/// What a publisher has done so far.
+/// Counts of a publisher's work so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PublishCounts {
     /// Frames published.
     pub frames: u64,
     /// Lossless consumers that are ready.
     pub lossless: usize,
-    /// Consumers that take what there is.
+    /// Consumers with [`Delivery::Latest`].
     pub latest: usize,
     /// Lossless consumers dropped because they were stuck.
     pub evicted: u64,
-    /// Frames sent again because a signal interrupted the first time.
+    /// Frames sent again because a signal interrupted the first send.
     pub resent: u64,
     /// Time spent waiting for lossless consumers.
     pub held_back: Duration,
@@ -103,7 +103,7 @@ pub struct PublishCounts {
 
 type JoinServer = Server<Ipc, JoinRequest, (), JoinAnswer, ()>;
 
-/// Publishes one run: every accepted frame reaches every lossless consumer, or the end says why not.
+/// Publisher of one run. Every accepted frame reaches every lossless consumer, or the end gives the reason.
 ///
 /// Dropping it without [`StatePublisher::finish`] tells consumers that the run failed.
 pub struct StatePublisher {
@@ -130,12 +130,12 @@ pub struct StatePublisher {
 }
 
 impl StatePublisher {
-    /// Which publishing of which run this is: results carry it too.
+    /// Identity of the stream: the run, and this publishing of it. Results carry it too.
     pub fn stream(&self) -> StreamId {
         self.stream
     }
 
-    /// How many consumers can be attached at a time: fewer when frames are large and shared memory is short.
+    /// Most consumers that can be attached at a time: fewer when frames are large and shared memory is short.
     pub fn max_consumers(&self) -> usize {
         self.max_consumers
     }
@@ -230,7 +230,7 @@ impl StatePublisher {
         attached.iter().filter(counts).count()
     }
 
-    /// What happened so far.
+    /// Counts of this publisher's work so far.
     pub fn counts(&self) -> PublishCounts {
         let attached = self.backpressure.consumers();
         PublishCounts {
@@ -241,7 +241,7 @@ impl StatePublisher {
         }
     }
 
-    /// What happened to consumers since the last call.
+    /// Events about consumers since the last call.
     pub fn take_events(&mut self) -> Vec<ConsumerEvent> {
         let mut events = self.backpressure.take_events();
         if self.bus.is_gone() && !std::mem::replace(&mut self.told_gone, true) {
@@ -250,7 +250,7 @@ impl StatePublisher {
         events
     }
 
-    /// Sends a frame; returns how many consumers got it.
+    /// Sends a frame; returns the number of consumers that got it.
     fn send(&mut self, frame: &Frame<'_>) -> Result<usize, PublishError> {
         let header = StateHeader {
             frame: frame.frame,
@@ -303,7 +303,7 @@ impl StatePublisher {
         Ok(self.board.write(self.publishing.status())?)
     }
 
-    /// Says how the run ended, and leaves the bus. Consumers that are behind still get every accepted frame,
+    /// Tells consumers how the run ended, and leaves the bus. Consumers that are behind still get every accepted frame,
     /// also after this process has exited.
     ///
     /// # Errors

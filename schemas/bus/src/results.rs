@@ -19,12 +19,12 @@ const COLUMNS_KEY: &str = "beadline.columns";
 const WIDTH_KEY: &str = "beadline.width";
 const TOLERANCE_KEY: &str = "beadline.tolerance_m";
 
-/// What a row consists of: `f64` for numbers, `u8` for classes, one byte a contact.
+/// Element of a row: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + ZeroCopySend + Send + Sync + 'static {
-    /// Whether these are classes of contacts.
+    /// True if the elements are classes of contacts.
     const ARE_CLASSES: bool;
 
-    /// The values of a row of them.
+    /// Values of a row of such elements.
     fn values(row: &[Self]) -> RowValues<'_>;
 }
 
@@ -47,23 +47,23 @@ impl ResultElement for u8 {
 /// Why results cannot be published or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
-    /// Rows that a recording could not describe, or a topic that has none.
+    /// A recording could not describe the rows, or the topic has no rows.
     #[error("{topic}: {what}")]
     Columns {
-        /// Which results.
+        /// Topic of the results.
         topic: Topic,
-        /// What was expected and found.
+        /// Reason for the refusal.
         what: String,
     },
-    /// The bus.
+    /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Another process publishes them already; this one can go on without.
+    /// Another process publishes these results already; this process can go on without publishing them.
     #[error("{topic} of run {name} are already published by another process")]
     AlreadyPublished {
         /// The run.
         name: RunName,
-        /// Which results.
+        /// Topic of the results.
         topic: Topic,
     },
     /// Subscribers to earlier results with other columns keep the service as it was.
@@ -74,14 +74,14 @@ pub enum ResultsError {
     OtherColumns {
         /// The run.
         name: RunName,
-        /// Which results.
+        /// Topic of the results.
         topic: Topic,
         /// Elements in a row now.
         expected: usize,
         /// Elements in a row before.
         found: usize,
     },
-    /// A row of another width.
+    /// A row has another width.
     #[error("frame {frame}: a row of {found} elements, expected {expected}")]
     Width {
         /// The frame.
@@ -94,27 +94,27 @@ pub enum ResultsError {
     /// We were asked to stop while a subscriber held us back.
     #[error("stopped while a subscriber to {topic} held us back")]
     Stopped {
-        /// Which results.
+        /// Topic of the results.
         topic: Topic,
     },
     /// Sending or receiving failed.
     #[error("{topic}: {cause}")]
     Port {
-        /// Which results.
+        /// Topic of the results.
         topic: Topic,
-        /// What iceoryx2 says.
+        /// Error from iceoryx2.
         cause: String,
     },
 }
 
-/// Attributes of a service that say what the elements of its rows mean.
+/// Attributes of a service that describe the elements of its rows.
 fn attributes_of(columns: &ResultColumns) -> Vec<(&'static str, String)> {
     let ResultColumns { width, names, tolerance_m } = columns;
     let tolerance = tolerance_m.map(|m| (TOLERANCE_KEY, format!("{m:e}")));
     [(COLUMNS_KEY, names.clone()), (WIDTH_KEY, width.to_string())].into_iter().chain(tolerance).collect()
 }
 
-/// What they say.
+/// Columns that the attributes of `service` describe.
 fn columns_of<T: ResultElement>(service: &SliceService<T>) -> ResultColumns {
     let attribute = |key| attribute(service.attributes(), key);
     let tolerance_m = || attribute(TOLERANCE_KEY).and_then(|m| m.parse().ok()).unwrap_or(f64::NAN);

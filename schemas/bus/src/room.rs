@@ -1,4 +1,4 @@
-//! How much shared memory a run may touch, and whether that much is free.
+//! Limits the shared memory that a run may touch, and checks that so much is free.
 
 use super::leftovers::SEGMENTS;
 use super::services::{BORROWED, Limits, MAX_SUBSCRIBERS};
@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 
 /// Most frames that wait for one consumer. More does not help: the ring should stay in the cache.
 pub const MAX_BUFFER: usize = 64;
-/// Fewest, so that a consumer can hold one and have the next.
+/// Fewest frames that wait for one consumer, so that it can hold one and have the next.
 const LEAST_BUFFER: usize = 2;
 /// Most memory that all queues of a run use together, if that much is free. All of it is taken at once.
 const BUDGET_BYTES: u64 = 1 << 30;
-/// The same for queues that are longer than they have to be.
+/// Most memory that all queues of a run use together, if they are longer than they have to be.
 const COMFORT_BYTES: u64 = 256 << 20;
 /// Bytes of a sample besides its payload: headers, reference counts, alignment.
 const OVERHEAD_BYTES: u64 = 512;
@@ -31,11 +31,11 @@ pub enum RoomError {
          free some, enlarge it (docker: --shm-size), or publish fewer beads"
     )]
     Full {
-        /// Where.
+        /// Directory of shared memory.
         path: PathBuf,
-        /// What is taken when it starts.
+        /// Bytes that the run takes when it starts.
         needed_bytes: u64,
-        /// What is there.
+        /// Bytes that are free.
         free_bytes: u64,
     },
     /// The system refused for another reason.
@@ -43,9 +43,9 @@ pub enum RoomError {
     Reserve {
         /// The segment.
         path: PathBuf,
-        /// Its size.
+        /// Size of the segment.
         needed_bytes: u64,
-        /// What the system says.
+        /// Error from the system.
         source: std::io::Error,
     },
     /// Next to nothing is free.
@@ -54,17 +54,17 @@ pub enum RoomError {
          free some, or enlarge it (docker: --shm-size)"
     )]
     Least {
-        /// Where.
+        /// Directory of shared memory.
         path: PathBuf,
-        /// What is there.
+        /// Bytes that are free.
         free_bytes: u64,
     },
     /// The file system could not be asked.
     #[error("cannot find out how much shared memory is free in {path}")]
     Io {
-        /// Where.
+        /// Directory of shared memory.
         path: PathBuf,
-        /// What the system says.
+        /// Error from the system.
         source: std::io::Error,
     },
 }
@@ -84,7 +84,7 @@ fn needed_bytes(slot_bytes: u64, limits: Limits) -> u64 {
     (slots as u64).saturating_mul(slot_bytes.saturating_add(OVERHEAD_BYTES))
 }
 
-/// Queues for slots of `slot_bytes`: as long as is useful, as short as the memory demands.
+/// Plans queues for slots of `slot_bytes`: as long as is useful, as short as the free memory demands.
 pub(super) fn plan(slot_bytes: u64, free_bytes: u64) -> Limits {
     let most = BUDGET_BYTES.min(free_bytes / 2);
     let fits = |limits: &Limits| {
@@ -98,8 +98,8 @@ pub(super) fn plan(slot_bytes: u64, free_bytes: u64) -> Limits {
     choices.find(fits).unwrap_or(Limits { subscribers: MAX_SUBSCRIBERS / 4, buffer: LEAST_BUFFER })
 }
 
-/// Takes all the memory of the port's samples at once, so that writing them later cannot fail: where shared memory is
-/// full, that kills the process.
+/// Takes all the memory of the port's samples at once, so that writing them later cannot fail: a write to full shared
+/// memory kills the process.
 pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
     let directory = Path::new(SEGMENTS);
     let io = |source| RoomError::Io { path: directory.to_owned(), source };
@@ -128,8 +128,8 @@ pub(super) fn reserve(prefix: &str, port_id: u128) -> Result<(), RoomError> {
     Ok(())
 }
 
-/// Refuses a run that does not fit, before any of it is made. Call it with the lock held, so that nobody else takes what
-/// is counted on.
+/// Refuses a run that does not fit, before any of it is made. Call it with the lock held, so that nobody else takes the
+/// free memory.
 pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<(), RoomError> {
     // the chain is kept for consumers that come later; it has at most five numbers where a frame has two
     let needed = needed_bytes(slot_bytes, limits).saturating_add(3 * slot_bytes).saturating_add(FIXED_BYTES);
@@ -139,7 +139,7 @@ pub(super) fn check(slot_bytes: u64, limits: Limits, free_bytes: u64) -> Result<
     Err(RoomError::Full { path: PathBuf::from(SEGMENTS), needed_bytes: needed, free_bytes })
 }
 
-/// Refuses to touch shared memory when it is full: that kills the process.
+/// Refuses to touch shared memory when it is full: touching it would kill the process.
 pub(super) fn check_least(free_bytes: u64) -> Result<(), RoomError> {
     if free_bytes >= LEAST_BYTES {
         return Ok(());

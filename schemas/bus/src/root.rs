@@ -1,4 +1,4 @@
-//! Where the sockets and the service descriptions of one user live.
+//! Directory of the sockets and the service descriptions of one user.
 
 use super::creating::CreationLock;
 use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// fit the 107 bytes that the kernel allows.
 pub(super) const MAX_ROOT_BYTES: usize = 107 - 1 - 17 - 39 - 6;
 
-/// Five bits each; the same in upper and lower case would not be safe everywhere.
+/// Letters of a secret, five bits each; letters that differ only in case would not be safe everywhere.
 const SECRET_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
 const SECRET_LENGTH: usize = 8;
 
@@ -27,16 +27,16 @@ pub enum RootError {
     TooLong {
         /// The directory.
         path: PathBuf,
-        /// Its length in bytes.
+        /// Length of the path in bytes.
         length: usize,
     },
-    /// Not a directory, or a link to one.
+    /// The path is not a directory, or is a link to one.
     #[error("the bus directory {path} is not a directory of its own; remove it or set BEADLINE_ROOT")]
     NotADirectory {
         /// The path.
         path: PathBuf,
     },
-    /// Somebody else's directory.
+    /// The directory belongs to somebody else.
     #[error(
         "the bus directory {path} belongs to {owner}, but this is user {user}; \
          set BEADLINE_ROOT to a directory of your own"
@@ -44,19 +44,19 @@ pub enum RootError {
     NotOurs {
         /// The directory.
         path: PathBuf,
-        /// Who it belongs to.
+        /// Owner of the directory.
         owner: String,
-        /// Who we are.
+        /// Id of this user.
         user: u32,
     },
-    /// Others may enter it.
+    /// Others may enter the directory.
     #[error(
         "the bus directory {path} has mode {mode:o}, expected 700: others could join; run `chmod 700 {path}`"
     )]
     TooOpen {
         /// The directory.
         path: PathBuf,
-        /// Its permission bits.
+        /// Permission bits of the directory.
         mode: u32,
     },
     /// The secret could not be read or made.
@@ -64,32 +64,32 @@ pub enum RootError {
     Secret {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: String,
     },
-    /// A name that iceoryx2 does not accept.
+    /// iceoryx2 does not accept the directory's name.
     #[error("the bus directory {path} has a name that cannot be used; use letters, digits, `-`, `_` and `.`")]
     Name {
         /// The directory.
         path: PathBuf,
     },
-    /// It could not be created or read.
+    /// The directory could not be created or read.
     #[error("the bus directory {path} cannot be used")]
     Io {
         /// The directory.
         path: PathBuf,
-        /// What the system says.
+        /// Error from the system.
         source: std::io::Error,
     },
 }
 
-/// `$BEADLINE_ROOT`, or else `beadline` in `$XDG_RUNTIME_DIR`, or else `/tmp/beadline-<uid>`.
+/// Default root: `$BEADLINE_ROOT`, or else `beadline` in `$XDG_RUNTIME_DIR`, or else `/tmp/beadline-<uid>`.
 pub(super) fn default_root() -> PathBuf {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     set("BEADLINE_ROOT").unwrap_or_else(|| root_of_user(set("XDG_RUNTIME_DIR").as_deref()))
 }
 
-/// In the user's runtime directory, if that is this user's alone and short enough; else in `/tmp`.
+/// Root of this user: in the runtime directory, if that is this user's alone and short enough; else in `/tmp`.
 fn root_of_user(runtime: Option<&Path>) -> PathBuf {
     let user = rustix::process::getuid().as_raw();
     let is_private = |mode: u32| mode & 0o777 & !0o700 == 0;
@@ -101,7 +101,7 @@ fn root_of_user(runtime: Option<&Path>) -> PathBuf {
     root.unwrap_or_else(|| PathBuf::from(format!("/tmp/beadline-{user}")))
 }
 
-/// What a user is called in messages.
+/// Name of a user in messages.
 pub(super) fn user_name(uid: u32) -> String {
     let passwd = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
     let of_line = |line: &str| {
@@ -139,13 +139,13 @@ pub(super) fn prepare(path: &Path) -> Result<PathBuf, RootError> {
     Ok(path)
 }
 
-/// Where the secret of a root lies.
+/// Path of the secret of a root.
 pub(super) fn secret_path(root: &Path) -> PathBuf {
     root.join("secret")
 }
 
-/// The secret of this root, which nobody else can read: nobody can take a name beforehand without knowing it. It is
-/// made if there is none.
+/// Reads the secret of this root, or makes it if there is none. Nobody else can read it, so nobody else can take a name
+/// on the bus beforehand.
 pub(super) fn secret(root: &Path) -> Result<String, RootError> {
     let path = secret_path(root);
     let failed = |cause: &dyn std::fmt::Display| {

@@ -1,4 +1,4 @@
-//! Which runs are on the bus.
+//! Lists the runs on the bus.
 
 use super::backpressure::Delivery;
 use super::board::BoardReader;
@@ -14,7 +14,7 @@ use schemas::run_name::RunName;
 use std::fmt;
 use std::time::{Duration, SystemTime};
 
-/// How far a run is.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunState {
     /// Waits for consumers before it starts.
@@ -32,7 +32,7 @@ pub enum RunState {
 }
 
 impl RunState {
-    /// The word for it.
+    /// Word for the state.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -54,11 +54,11 @@ impl fmt::Display for RunState {
 /// One run, as `beadline ls` shows it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunInfo {
-    /// Its name.
+    /// Name of the run.
     pub name: RunName,
-    /// Its identity.
+    /// Identity of the run.
     pub run_id: RunId,
-    /// How far it is.
+    /// State of the run.
     pub state: RunState,
     /// The last frame published.
     pub frame: Option<u64>,
@@ -66,11 +66,11 @@ pub struct RunInfo {
     pub step: u64,
     /// Simulated time of that frame (s).
     pub time_s: f64,
-    /// How long ago the producer last wrote its status.
+    /// Time since the producer last wrote its status.
     pub age: Duration,
     /// Lossless consumers that are ready.
     pub lossless: u64,
-    /// Consumers that take what there is.
+    /// Consumers with [`Delivery::Latest`].
     pub latest: u64,
     /// Lossless consumers that were dropped.
     pub evicted: u64,
@@ -80,27 +80,27 @@ pub struct RunInfo {
     pub step_count: Option<u64>,
     /// The remaining time at the mean speed since the first frame.
     pub ends_in: Option<Duration>,
-    /// Who listens.
+    /// Consumers of the run.
     pub consumers: Vec<ConsumerInfo>,
 }
 
 /// A consumer of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConsumerInfo {
-    /// Its label, `energies` for instance.
+    /// Label of the consumer, `energies` for instance.
     pub label: String,
-    /// How it wants its frames.
+    /// Delivery that the consumer wants.
     pub delivery: Delivery,
-    /// Its process, if its name says so.
+    /// Process of the consumer, if its name tells it.
     pub pid: Option<u64>,
-    /// Published frames that it does not have yet; none if it does not say.
+    /// Published frames that the consumer does not have yet; none if it does not tell.
     pub lag_frames: Option<u64>,
-    /// Frames that it has missed; none if it does not say.
+    /// Frames that the consumer has missed; none if it does not tell.
     pub missed: Option<u64>,
 }
 
 impl ConsumerInfo {
-    /// The consumer of a subscriber named `lossless.energies.4711`.
+    /// Makes the entry of a subscriber with a name like `lossless.energies.4711`.
     fn new(name: &str, position: Option<Position>) -> Self {
         let delivery = Delivery::of_name(name);
         let rest = name.strip_prefix(delivery.as_str()).unwrap_or(name).trim_start_matches(['.', '-', '_']);
@@ -119,7 +119,7 @@ impl ConsumerInfo {
 }
 
 impl RunInfo {
-    /// Whether a consumer can attach.
+    /// True if a consumer can attach.
     pub fn is_live(&self) -> bool {
         matches!(self.state, RunState::Waiting | RunState::Running)
     }
@@ -152,7 +152,7 @@ impl RunInfo {
         }
     }
 
-    /// Adds what takes a longer look.
+    /// Adds the fields that take longer to find.
     fn look_closer(&mut self, bus: &Bus, node: &Node<Ipc>, board: &BoardReader, status: &RunStatus) {
         let manifest = board.manifest(status.stream()).and_then(|json| RunManifest::glance(&json).ok());
         if let Some(manifest) = manifest {
@@ -165,7 +165,7 @@ impl RunInfo {
     }
 }
 
-/// How long the rest takes at the mean speed from the first frame to the last one.
+/// Time for the rest of the run, at the mean speed from the first frame to the last one.
 fn time_left(status: &RunStatus, first_step: u64, step_count: u64) -> Option<Duration> {
     let made = status.step.checked_sub(first_step).filter(|made| *made > 0)?;
     let elapsed_ns = status.written_unix_ns.checked_sub(status.began_unix_ns)?;
@@ -226,8 +226,8 @@ fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
     listed.map_err(|e| BusError::service("beadline/*", "list", &e))
 }
 
-/// Every run on the bus, by name: also those that are over while consumers are still reading, and those
-/// whose producer was killed. Neither disturbs runs nor cleans anything up.
+/// Lists every run on the bus, by name, including runs that are over while consumers are still reading and runs whose
+/// producer was killed. Neither disturbs runs nor cleans anything up.
 ///
 /// # Errors
 /// When the bus cannot be used.

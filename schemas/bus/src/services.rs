@@ -32,11 +32,11 @@ pub(super) type BoardService = blackboard::PortFactory<Ipc, u64>;
 pub(super) const MAX_SUBSCRIBERS: usize = 16;
 /// Samples that one consumer may hold at a time.
 pub const BORROWED: usize = 2;
-/// Queue of a `latest` consumer: with a longer one it would see older frames.
+/// Length of the queue of a `latest` consumer; with a longer queue it would see older frames.
 pub(super) const LATEST_BUFFER: usize = 2;
 /// Most processes that have a service open.
 const MAX_NODES: usize = 64;
-/// How long opening waits for a service that is being created or removed, after iceoryx2 has waited.
+/// Longest wait for a service that is being created or removed, after iceoryx2 has waited.
 const PATIENCE: Duration = Duration::from_millis(200);
 const SCHEMA_KEY: &str = "beadline.schema";
 
@@ -49,14 +49,14 @@ pub(super) fn service_name(run: &RunName, topic: Topic) -> Result<ServiceName, B
     ServiceName::new(&text).map_err(|e| BusError::service(&text, "name", &e))
 }
 
-/// What to do about a failure to open or create.
+/// Class of a failure to open or create a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Class {
     Missing,
     Exists,
-    /// By a signal.
+    /// A signal interrupted the call.
     Interrupted,
-    /// Being created or removed, or left half-way.
+    /// The service is being created or removed, or was left half-way.
     Broken,
     Refused,
 }
@@ -99,7 +99,7 @@ classify! {
     RequestResponseOpenError, RequestResponseCreateError, HangsInCreation;
 }
 
-/// Opens a service, which others may be creating or removing. `None`: there is no whole one.
+/// Opens a service that others may be creating or removing; none if there is no whole one.
 pub(super) fn open<T, E: Classify>(
     text: &str,
     open: impl Fn() -> Result<T, E>,
@@ -145,7 +145,7 @@ pub(super) fn attribute(attributes: &AttributeSet, name: &str) -> Option<String>
     String::from_utf8(value.as_bytes().to_vec()).ok()
 }
 
-/// Refuses a service of another major schema version; before opening it, because its types may differ.
+/// Refuses a service of another major schema version. Call it before opening the service, because its types may differ.
 pub(super) fn check_schema(bus: &Bus, run: &RunName, topic: Topic) -> Result<(), BusError> {
     let pattern = match topic {
         Topic::Manifest => MessagingPattern::Blackboard,
@@ -163,7 +163,7 @@ pub(super) fn check_schema(bus: &Bus, run: &RunName, topic: Topic) -> Result<(),
     Err(BusError::Version { service: text_of(run, topic), found, expected: SCHEMA_VERSION })
 }
 
-/// The type of the elements of a topic of slices, if it is there.
+/// Type of the elements of a topic of slices, if the topic is there.
 pub(super) fn element_of(bus: &Bus, run: &RunName, topic: Topic) -> Result<Option<String>, BusError> {
     let details = Ipc::details(&service_name(run, topic)?, bus.config(), MessagingPattern::PublishSubscribe);
     let types = |details: &ServiceDetails<Ipc>| {
@@ -182,7 +182,7 @@ impl BusError {
 /// Why the bus cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
-    /// The directory of the bus.
+    /// The directory of the bus cannot be used.
     #[error(transparent)]
     Root(#[from] super::RootError),
     /// This process could not register itself.
@@ -190,32 +190,32 @@ pub enum BusError {
     Node {
         /// Root of the bus.
         root: String,
-        /// What iceoryx2 says.
+        /// Error from iceoryx2.
         cause: String,
     },
-    /// What all processes share.
+    /// The segment that all processes share cannot be used.
     #[error(transparent)]
     SharedSegment(#[from] super::SharedSegmentError),
     /// Shared memory is short.
     #[error(transparent)]
     Room(#[from] super::RoomError),
-    /// The file of a long manifest.
+    /// The file of a long manifest cannot be written.
     #[error("cannot write {path}, the manifest of the run")]
     ManifestFile {
         /// The file.
         path: std::path::PathBuf,
-        /// What the system says.
+        /// Error from the system.
         source: std::io::Error,
     },
     /// We were asked to stop while others held the lock.
     #[error("stopped while other processes were starting")]
     Stopped,
-    /// Nothing can be created on the bus.
+    /// The lock cannot be taken, so nothing can be created on the bus.
     #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
     Locked {
         /// The lock file.
         path: std::path::PathBuf,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: String,
     },
     /// A service could not be used.
@@ -223,21 +223,21 @@ pub enum BusError {
     Service {
         /// Name of the service.
         service: String,
-        /// What was tried.
+        /// Attempted action, `open` for instance.
         doing: &'static str,
-        /// What iceoryx2 says.
+        /// Error from iceoryx2.
         cause: String,
     },
-    /// A service of another schema version.
+    /// A service has another schema version.
     #[error(
         "{service} has schema version {found}, this program speaks {expected}; use the same Beadline on both sides"
     )]
     Version {
         /// Name of the service.
         service: String,
-        /// Its version.
+        /// Version of the service.
         found: String,
-        /// Ours.
+        /// Version of this program.
         expected: SchemaVersion,
     },
 }
@@ -249,7 +249,7 @@ pub(super) struct Limits {
     pub(super) buffer: usize,
 }
 
-/// Opens or creates a topic of slices that never overflows: the publisher's handler decides who waits.
+/// Opens or creates a topic of slices that never overflows: the publisher's handler decides whom a send waits for.
 pub(super) fn slices<T: Debug + ZeroCopySend>(
     node: &Node<Ipc>,
     run: &RunName,
@@ -285,7 +285,7 @@ pub(super) fn find_slices<T: Debug + ZeroCopySend>(
     open(&text_of(run, topic), || builder().enable_safe_overflow(false).open())
 }
 
-/// `/chain`: one sample, kept as history for consumers that come later.
+/// Opens or creates `/chain`: one sample, kept as history for consumers that come later.
 pub(super) fn chain(node: &Node<Ipc>, run: &RunName) -> Result<StateService, BusError> {
     let (text, name, attributes) =
         (text_of(run, Topic::Chain), service_name(run, Topic::Chain)?, attributes(&[])?);
@@ -305,12 +305,12 @@ pub(super) fn chain(node: &Node<Ipc>, run: &RunName) -> Result<StateService, Bus
     Ok(wanted.open_or_create(|| builder().open(), create)?.0)
 }
 
-/// The event service that goes with `topic`.
+/// Opens or creates the event service that goes with `topic`.
 pub(super) fn events(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<EventService, BusError> {
     event_service(node, &text_of(run, topic))
 }
 
-/// The event service by which publishers of results announce themselves.
+/// Opens or creates the event service by which publishers of results announce themselves.
 pub(super) fn announcements(node: &Node<Ipc>, run: &RunName) -> Result<EventService, BusError> {
     event_service(node, &format!("beadline/{run}/own"))
 }
@@ -330,7 +330,7 @@ fn event_service(node: &Node<Ipc>, text: &str) -> Result<EventService, BusError>
     Ok(wanted.open_or_create(|| node.service_builder(&name).event().open(), create)?.0)
 }
 
-/// `/join`.
+/// Opens or creates `/join`.
 pub(super) fn join(node: &Node<Ipc>, run: &RunName) -> Result<JoinService, BusError> {
     let (text, name, attributes) =
         (text_of(run, Topic::Join), service_name(run, Topic::Join)?, attributes(&[])?);
@@ -347,14 +347,14 @@ pub(super) fn join(node: &Node<Ipc>, run: &RunName) -> Result<JoinService, BusEr
     Ok(wanted.open_or_create(|| builder().open(), create)?.0)
 }
 
-/// `/join`, if it is there.
+/// Opens `/join`, if it is there.
 pub(super) fn find_join(node: &Node<Ipc>, run: &RunName) -> Result<Option<JoinService>, BusError> {
     let name = service_name(run, Topic::Join)?;
     let builder = || node.service_builder(&name).request_response::<JoinRequest, JoinAnswer>();
     open(&text_of(run, Topic::Join), || builder().open())
 }
 
-/// The limits that a service has.
+/// Limits of a service.
 pub(super) fn limits_of<T: Debug + ZeroCopySend>(service: &SliceService<T>) -> Limits {
     let config = service.static_config();
     Limits { subscribers: config.max_subscribers(), buffer: config.subscriber_max_buffer_size() }

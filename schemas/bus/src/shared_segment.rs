@@ -10,16 +10,16 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-/// Its name after the prefix: a hash of the type in it, and the version of iceoryx2.
+/// Name of the segment after the prefix: a hash of the type in it, and the version of iceoryx2.
 const NAME: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
-/// Its contents: the version (three numbers of 16 bits, the lowest last), and a counter.
+/// Version in the segment (three numbers of 16 bits, the lowest last); a counter follows it.
 const VERSION: u64 = 10 << 16;
 const BYTES: usize = 16;
 
-/// Why what all processes share cannot be used.
+/// Why the segment that all processes share cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SharedSegmentError {
-    /// Somebody else's file has its name.
+    /// Somebody else's file has the segment's name.
     #[error(
         "{path} belongs to {owner}, and nothing can begin on this bus; have it removed, or remove {secret} when \
          nothing runs: the next start then takes another name"
@@ -27,17 +27,17 @@ pub enum SharedSegmentError {
     NotOurs {
         /// The file.
         path: PathBuf,
-        /// Its owner.
+        /// Owner of the file.
         owner: String,
-        /// What the name is made of.
+        /// File of the secret, from which the name is made.
         secret: PathBuf,
     },
-    /// It could not be made.
+    /// The segment could not be made.
     #[error("cannot make {path}")]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error from the system.
         source: std::io::Error,
     },
 }
@@ -46,7 +46,7 @@ fn path_of(prefix: &str) -> PathBuf {
     Path::new(SEGMENTS).join(format!("{prefix}{NAME}"))
 }
 
-/// Whether it is there, whole and ours alone.
+/// True if the segment is there, whole and ours alone.
 fn is_whole(path: &Path) -> bool {
     let read = || -> std::io::Result<bool> {
         let found = fs::symlink_metadata(path)?;
@@ -65,8 +65,8 @@ fn is_whole(path: &Path) -> bool {
     read().unwrap_or(false)
 }
 
-/// Makes it if it is missing, and again if it is wrong; returns whether a wrong one was there. Processes look
-/// into it only while they register, so those that did already lose nothing.
+/// Makes the segment if it is missing, and again if it is wrong; returns true if a wrong one was there. Processes look
+/// into it only while they register, so registered processes lose nothing.
 pub(super) fn ensure(prefix: &str, secret: &Path) -> Result<bool, SharedSegmentError> {
     let path = path_of(prefix);
     let io = |source| SharedSegmentError::Io { path: path.clone(), source };
@@ -101,7 +101,7 @@ fn make(path: &Path) -> std::io::Result<()> {
     file.write_all(&bytes)
 }
 
-/// Whether nothing has to be done, so that no lock is needed.
+/// True if the segment needs no repair, so that no lock is needed.
 pub(super) fn is_ready(prefix: &str) -> bool {
     is_whole(&path_of(prefix))
 }

@@ -7,14 +7,14 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often it looks.
+/// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(250);
-/// The same where looks take long, because many processes use the bus or the machine is busy.
+/// Longest time between two looks, when looks take long because many processes use the bus or the machine is busy.
 const LONGEST_PERIOD: Duration = Duration::from_secs(2);
-/// Looks take this part of a core at most, until the period is the longest.
+/// Looks take at most one part in `SHARE` of a core, until the period is the longest.
 const SHARE: u32 = 200;
 
-/// A thread; it ends when this is dropped.
+/// Thread that looks after the bus; it ends when this value is dropped.
 pub(super) struct Warden {
     shared: Arc<(Mutex<State>, Condvar)>,
     thread: Option<JoinHandle<()>>,
@@ -27,7 +27,7 @@ struct State {
     removed: Removed,
 }
 
-/// Tells a root from another one at the same path.
+/// Identity of a root; another root at the same path has another identity.
 #[derive(PartialEq, Eq)]
 struct Identity(Option<(u64, u64)>, Option<u64>);
 
@@ -39,7 +39,7 @@ impl Identity {
 }
 
 impl Warden {
-    /// None if no thread could be started; then nobody looks.
+    /// Starts the thread. If no thread can be started, nobody looks.
     pub(super) fn start(root: PathBuf, secret: PathBuf, prefix: String) -> Self {
         let shared: Arc<(Mutex<State>, Condvar)> = Arc::default();
         let watched = Arc::clone(&shared);
@@ -52,7 +52,7 @@ impl Warden {
         self.shared.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether somebody removed the root, or put another in its place.
+    /// True if somebody removed the root, or put another in its place.
     pub(super) fn root_is_gone(&self) -> bool {
         self.state().root_is_gone
     }
@@ -62,7 +62,7 @@ impl Warden {
         self.state().removed.add(removed);
     }
 
-    /// What was taken away since the last call.
+    /// Leftovers removed since the last call.
     pub(super) fn take_removed(&self) -> Removed {
         std::mem::take(&mut self.state().removed)
     }

@@ -12,14 +12,14 @@ use schemas::manifest::RunId;
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
 
-/// Goes with each frame and with each row of results.
+/// Header of each frame and of each row of results.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.StateHeader.v1")]
 pub struct StateHeader {
-    /// Which run.
+    /// Id of the run.
     pub run_id: [u8; 16],
-    /// Which publishing of it: differs for each run, replay and loop.
+    /// Id of this publishing of the run: it differs for each run, replay and loop.
     pub stream_id: u64,
     /// Number of the frame.
     pub frame: u64,
@@ -29,7 +29,7 @@ pub struct StateHeader {
     pub time_s: f64,
     /// Bit 0: the last frame, a hint only. Bit 1: a row of results that is not its publisher's first.
     pub flags: u64,
-    /// 0.
+    /// Always 0.
     pub reserved: u64,
 }
 
@@ -39,17 +39,17 @@ pub const FLAG_LAST: u64 = 1;
 /// [`StateHeader::flags`] of a row of results: its publisher had rows before this one, received or not.
 pub const FLAG_FOLLOWS: u64 = 2;
 
-/// Which publishing of which run.
+/// Identity of a stream: one publishing of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StreamId {
-    /// The run.
+    /// Id of the run.
     pub run_id: RunId,
-    /// The publishing.
+    /// Id of the publishing.
     pub stream_id: u64,
 }
 
 impl StreamId {
-    /// A new publishing of `run_id`.
+    /// Makes the identity of a new publishing of `run_id`.
     pub fn new(run_id: RunId) -> Self {
         let bytes = RunId::random().0;
         // 64 random bits of a UUID: its two halves without the fixed version and variant positions
@@ -59,7 +59,7 @@ impl StreamId {
 }
 
 impl StateHeader {
-    /// Of `stream`, of no frame yet.
+    /// Makes a header of `stream` that has no frame yet.
     pub(super) fn of(stream: StreamId) -> Self {
         Self { run_id: stream.run_id.0, stream_id: stream.stream_id, ..Self::default() }
     }
@@ -69,7 +69,7 @@ impl StateHeader {
     }
 }
 
-/// A consumer asks to be connected, then confirms it.
+/// Request of a consumer: it asks to be connected, then confirms the connection.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.JoinRequest.v1")]
@@ -78,7 +78,7 @@ pub struct JoinRequest {
     pub subscriber_id: [u8; 16],
     /// [`JOIN_CONNECT`] or [`JOIN_READY`].
     pub phase: u64,
-    /// 0.
+    /// Always 0.
     pub reserved: u64,
 }
 
@@ -87,24 +87,24 @@ pub const JOIN_CONNECT: u64 = 1;
 /// Second request: I have received, and am ready.
 pub const JOIN_READY: u64 = 2;
 
-/// What the producer answers.
+/// Answer of the producer to a request to join.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.JoinAnswer.v1")]
 pub struct JoinAnswer {
-    /// Which run.
+    /// Id of the run.
     pub run_id: [u8; 16],
-    /// Which publishing of it.
+    /// Id of this publishing of the run.
     pub stream_id: u64,
     /// First frame that is guaranteed to reach this consumer; only in the answer to [`JOIN_READY`].
     pub first_frame: u64,
     /// The request's phase.
     pub phase: u64,
-    /// 0.
+    /// Always 0.
     pub reserved: u64,
 }
 
-/// Bytes of a manifest that fit the blackboard; a longer one lies in a file, which the blackboard names.
+/// Most bytes of a manifest on the blackboard; a longer manifest lies in a file, which the blackboard names.
 pub(super) const MANIFEST_BYTES: usize = 64 * 1024 - 8 - 16 - 8;
 
 /// The manifest as JSON; blackboard key 0.
@@ -112,13 +112,13 @@ pub(super) const MANIFEST_BYTES: usize = 64 * 1024 - 8 - 16 - 8;
 #[derive(Clone, Copy, ZeroCopySend)]
 #[type_name("beadline.ManifestText.v1")]
 pub struct ManifestText {
-    /// Which run.
+    /// Id of the run.
     pub run_id: [u8; 16],
-    /// Which publishing of it.
+    /// Id of this publishing of the run.
     pub stream_id: u64,
     /// Length of the manifest.
     pub length_bytes: u64,
-    /// UTF-8, `length_bytes` of it. Of a longer manifest the name of its file in the root, then zeros.
+    /// `length_bytes` bytes of UTF-8. For a manifest that does not fit: the name of its file in the root, then zeros.
     pub json: [u8; MANIFEST_BYTES],
 }
 
@@ -128,18 +128,18 @@ impl Debug for ManifestText {
     }
 }
 
-/// How far a run is; blackboard key 1, and key 2 for the stream before.
+/// Progress of a run; blackboard key 1, and key 2 for the stream before.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("beadline.RunStatus.v1")]
 pub struct RunStatus {
-    /// Which run.
+    /// Id of the run.
     pub run_id: [u8; 16],
-    /// Which publishing of it.
+    /// Id of this publishing of the run.
     pub stream_id: u64,
     /// 0 waiting for consumers, 1 running, 2 done, 3 interrupted, 4 failed.
     pub state: u64,
-    /// How many frames were published; the last one is `first_frame + frames − 1`.
+    /// Number of frames published; the last one is `first_frame + frames − 1`.
     pub frames: u64,
     /// Number of the first frame published.
     pub first_frame: u64,
@@ -147,11 +147,11 @@ pub struct RunStatus {
     pub step: u64,
     /// Simulated time of the last frame (s).
     pub time_s: f64,
-    /// When this was written, nanoseconds since 1970-01-01 UTC.
+    /// Time of writing, nanoseconds since 1970-01-01 UTC.
     pub written_unix_ns: u64,
     /// Lossless consumers that are ready.
     pub lossless: u64,
-    /// Latest consumers.
+    /// `latest` consumers.
     pub latest: u64,
     /// Lossless consumers dropped because they were stuck.
     pub evicted: u64,
@@ -159,9 +159,9 @@ pub struct RunStatus {
     pub pid: u64,
     /// The producer's iceoryx2 node, little-endian.
     pub node_id: [u8; 16],
-    /// When the first frame was published, nanoseconds since 1970-01-01 UTC; 0 before that, and if it is not known.
+    /// Time when the first frame was published, nanoseconds since 1970-01-01 UTC; 0 before that, and if it is not known.
     pub began_unix_ns: u64,
-    /// 0.
+    /// Always 0.
     pub reserved: [u64; 3],
 }
 

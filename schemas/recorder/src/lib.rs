@@ -1,5 +1,5 @@
-//! The frames and the results of a live run on their way into one recording: one thread for the frames, one for each
-//! topic of results.
+//! Records the frames and the results of a live run into one recording: one thread for the frames, one for each topic of
+//! results.
 
 mod rows;
 
@@ -13,7 +13,7 @@ use schemas::results::ResultRow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What the threads share. Rows may come before the run was joined, and after its last frame.
+/// State that the threads share. Rows may come before the run was joined, and after its last frame.
 #[derive(Default)]
 pub struct Recorder {
     state: Mutex<State>,
@@ -22,10 +22,10 @@ pub struct Recorder {
 #[derive(Default)]
 struct State {
     recording: Option<Recording>,
-    /// What went wrong in a thread that records rows.
+    /// Failure of a thread that records rows.
     failure: Option<WriteError>,
     end: Option<RowsEnd>,
-    /// The disk has no room for rows either.
+    /// True if the disk has no room for frames or rows.
     is_full: bool,
 }
 
@@ -41,26 +41,26 @@ struct Recording {
     manifest: RunManifest,
     stream: StreamId,
     first_frame: u64,
-    /// The first frame that reached us: from there on no row may be missing.
+    /// The first frame that reached us; from there on no row may be missing.
     joined_at: u64,
-    /// Whether it has rows.
+    /// True if the recording has rows.
     has_rows: bool,
 }
 
-/// The frames are over; rows may still come.
+/// End of the frames; rows may still come.
 #[derive(Debug, Clone, Copy)]
 struct RowsEnd {
     last_frame: Option<u64>,
     since: Instant,
-    /// How long a publisher may be silent.
+    /// Longest silence of a publisher.
     patience: Duration,
 }
 
-/// What became of a row.
+/// Fate of a row.
 enum RowFate {
-    /// It is in the recording, which was joined at this frame.
+    /// The row is in the recording, which was joined at this frame.
     Recorded { joined_at: u64 },
-    /// It belongs to another stream, to a frame before the first or after the last one, or is there already.
+    /// The row belongs to another stream, to a frame before the first or after the last one, or is there already.
     NotOurs,
     /// Nothing is being recorded yet.
     TooEarly,
@@ -72,7 +72,7 @@ impl Recorder {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins with `parts`, which record the frames of `stream` from `first_frame` on, of which those before
+    /// Begins a recording in `parts`, which record the frames of `stream` from `first_frame` on. The frames before
     /// `joined_at` are recomputed.
     pub fn begin(
         &self,
@@ -86,13 +86,13 @@ impl Recorder {
         self.state().recording = Some(recording);
     }
 
-    /// Says that the frames are over, `last_frame` being the last one recorded, and that a publisher of results may be
-    /// silent for `patience` before it is given up.
+    /// Notes that the frames are over. `last_frame` is the last one recorded. A publisher of results may be silent for
+    /// `patience` before it is given up.
     pub fn end_frames(&self, last_frame: Option<u64>, patience: Duration) {
         self.state().end = Some(RowsEnd { last_frame, since: Instant::now(), patience });
     }
 
-    /// Records a frame, if it is due, and says whether `disk` has room for more: all under one lock.
+    /// Records a frame if it is due, and returns true if `disk` has room for more; all under one lock.
     fn take(&self, frame: &Frame<'_>, is_due: bool, disk: &mut DiskWatch) -> Result<bool, WriteError> {
         let mut state = self.state();
         let Some(recording) = state.recording()? else { return Ok(true) };
@@ -148,7 +148,7 @@ impl Recorder {
         }
     }
 
-    /// Bytes on the disk, and parts finished.
+    /// Bytes on the disk, and number of finished parts.
     pub fn size(&self) -> (u64, usize) {
         self.state()
             .recording
@@ -156,7 +156,7 @@ impl Recorder {
             .map_or((0, 0), |recording| (recording.parts.bytes_written(), recording.parts.finished().len()))
     }
 
-    /// Ends the recording for `reason`; without any frame or row there is none.
+    /// Ends the recording for `reason`; discards it if it has no frame and no row.
     ///
     /// # Errors
     /// When the disk does not take it.
@@ -190,14 +190,14 @@ pub struct DueFrames<'a> {
     disk: DiskWatch,
     /// The last frame that was not due, in reused memory.
     passed: HeldFrame,
-    /// It is the last frame.
+    /// True if `passed` is the last frame so far.
     ends_with_passed: bool,
     first: Option<u64>,
     last: Option<u64>,
 }
 
 impl<'a> DueFrames<'a> {
-    /// Of the run of `manifest`, as long as `disk` has room.
+    /// Makes one for the run of `manifest`, which records as long as `disk` has room.
     pub fn new(recorder: &'a Recorder, manifest: &'a RunManifest, disk: DiskWatch) -> Self {
         Self {
             recorder,
@@ -210,7 +210,7 @@ impl<'a> DueFrames<'a> {
         }
     }
 
-    /// Takes the next frame, and says whether the disk has room for more.
+    /// Takes the next frame, and returns true if the disk has room for more.
     ///
     /// # Errors
     /// When the disk does not take it.

@@ -1,4 +1,4 @@
-//! The results that analyses publish, each topic in a thread of its own.
+//! Records the results that analyses publish, each topic in a thread of its own.
 
 use super::{Recorder, RowFate};
 use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, Row, StreamId};
@@ -14,32 +14,32 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Rows kept while the run is being joined. It publishes at most 64 frames before it waits for us.
+/// Most rows kept while the run is being joined. The run publishes at most 64 frames before it waits for us.
 const MOST_EARLY_ROWS: usize = 128;
 
-/// How long to wait for a publisher before looking for one.
+/// Longest wait for a publisher before the next look for one.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
 
-/// How long to trust that publishers announce themselves: a look takes milliseconds.
+/// Longest time for which we trust that publishers announce themselves: a look takes milliseconds.
 const TRUST_PERIOD: Duration = Duration::from_secs(1);
 
-/// How long after the last frame a publisher may come.
+/// Time after the last frame within which a publisher may come.
 const LAST_LOOK: Duration = Duration::from_millis(300);
 
-/// What came of one topic of results.
+/// Tally of one recorded topic of results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowTally {
-    /// Of which results.
+    /// Topic of the results.
     pub topic: Topic,
     /// Rows recorded.
     pub count: u64,
-    /// Frame of the first one.
+    /// Frame of the first recorded row.
     pub first_frame: Option<u64>,
-    /// Frame of the last one.
+    /// Frame of the last recorded row.
     pub last_frame: Option<u64>,
-    /// Missed rows: frames from and up to.
+    /// Missed rows: first and last frame of each gap.
     pub missed: Vec<(u64, u64)>,
-    /// Why recording rows stopped, if before their end.
+    /// Reason why the recording of rows stopped early, if it did.
     pub trouble: Option<String>,
 }
 
@@ -48,17 +48,17 @@ impl RowTally {
         Self { topic, count: 0, first_frame: None, last_frame: None, missed: Vec::new(), trouble: None }
     }
 
-    /// Whether it has every row from its first to its last one, as far as is known.
+    /// True if the recording has every row from its first to its last one, as far as is known.
     pub fn is_whole(&self) -> bool {
         self.missed.is_empty() && self.trouble.is_none()
     }
 
-    /// Whether anything of this kind was published.
+    /// True if anything of this kind was published.
     pub fn is_worth_telling(&self) -> bool {
         self.count > 0 || !self.is_whole()
     }
 
-    /// Rows missed.
+    /// Number of missed rows.
     pub fn missed_count(&self) -> u64 {
         self.missed.iter().map(|(from, to)| to - from + 1).sum()
     }
@@ -73,14 +73,14 @@ pub struct RowThreads {
 #[derive(Default)]
 struct Started {
     run: Option<RunName>,
-    /// Looks out for results, and returns a thread for each topic.
+    /// Thread that looks out for results, and returns a thread for each topic.
     lookout: Option<JoinHandle<Lookout>>,
     failure: Option<String>,
 }
 
 impl RowThreads {
-    /// Starts recording the results of `run`, once: before the run is joined, so that no row is missed. On return those
-    /// who publish already have us as a subscriber, and those who come wait for us.
+    /// Starts recording the results of `run`, once. Call it before the run is joined, so that no row is missed. On return
+    /// this process is a subscriber of all present publishers, and new publishers wait for it.
     pub fn start(&self, bus: &Bus, run: &RunName, recorder: &Arc<Recorder>) {
         let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
         if started.run.as_ref() == Some(run) {
@@ -102,8 +102,8 @@ impl RowThreads {
         }
     }
 
-    /// Waits for the threads, which end after the frames have: what each has recorded, and why results could not be
-    /// recorded at all.
+    /// Waits for the threads, which end after the frames have. Returns the tally of each thread, and the reason if results
+    /// could not be recorded at all.
     pub fn finish(&self) -> (Vec<RowTally>, Option<String>) {
         let started = std::mem::take(&mut *self.started.lock().unwrap_or_else(PoisonError::into_inner));
         let Some(lookout) = started.lookout.map(join) else { return (Vec::new(), started.failure) };
@@ -111,7 +111,7 @@ impl RowThreads {
     }
 }
 
-/// The system grants no thread for results.
+/// Message for a thread that the system does not grant.
 fn no_thread(error: &io::Error) -> String {
     format!("no thread can be started ({error}); allow more processes (`ulimit -u`)")
 }
@@ -135,7 +135,7 @@ impl Lookout {
         Self { watch, recorder, threads: Vec::new(), failure: None }
     }
 
-    /// Looks for new topics until the frames are over, and nobody comes any more.
+    /// Looks for new topics until the frames are over and no more publishers come.
     fn look_out(mut self) -> Self {
         let mut looked_at = Instant::now();
         while self.failure.is_none() && !self.is_over() {
@@ -182,15 +182,15 @@ struct EarlyRow {
     values: KeptValues,
 }
 
-/// Recording the rows of one topic.
+/// Recorder of the rows of one topic.
 struct TopicRows<'a> {
     recorder: &'a Recorder,
     watch: &'a ResultsWatch,
     early: VecDeque<EarlyRow>,
     columns: ResultColumns,
-    /// What the rows are in the recording, once there is one.
+    /// Messages of the rows in the recording, once there is one.
     messages: Option<RowMessages>,
-    /// The last published row, which has not arrived.
+    /// Frame of the last published row, if that row has not arrived.
     owed: Option<u64>,
     heard_at: Instant,
     tally: RowTally,
@@ -223,7 +223,7 @@ impl<'a> TopicRows<'a> {
         self.tally
     }
 
-    /// Records no more, but lets nobody who publishes anew wait for this process in vain.
+    /// Records no more, but still subscribes, so that no new publisher waits for this process in vain.
     fn stand_by(&self) {
         let goes_on = || self.recorder.state().end.is_none();
         while goes_on() {
@@ -267,7 +267,7 @@ impl<'a> TopicRows<'a> {
         Ok(())
     }
 
-    /// Whether no more rows are wanted, or are to be expected.
+    /// True if no more rows are wanted or expected.
     fn is_over(&mut self, attached: bool) -> Result<bool, String> {
         let end = self.recorder.state().end;
         let Some(end) = end else { return Ok(false) };
@@ -301,7 +301,7 @@ impl<'a> TopicRows<'a> {
         Ok(())
     }
 
-    /// Records what came too early, if it is not any more.
+    /// Records the rows that came too early, if the recording has begun.
     fn record_early(&mut self) -> Result<(), String> {
         while let Some(early) = self.early.pop_front() {
             let EarlyRow { stream, frame, step, time_s, follows, ref values } = early;

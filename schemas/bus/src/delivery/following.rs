@@ -1,4 +1,4 @@
-//! What a consumer that has joined does and is told.
+//! Turns of a consumer that has joined.
 
 use super::LIVENESS_PERIOD;
 use crate::Delivery;
@@ -6,14 +6,14 @@ use crate::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateH
 use schemas::frame::EndReason;
 use std::time::Instant;
 
-/// What a consumer does next.
+/// Next action of a consumer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
     /// Let go of the sample taken last and take one from the queue: [`Following::took`].
     Take,
     /// Read the status of the stream: [`Following::read`].
     Read,
-    /// Ask whether the producer lives: [`Following::heard`].
+    /// Ask if the producer lives: [`Following::heard`].
     Ask,
     /// Wait for a moment: [`Following::waited`].
     Wait,
@@ -26,27 +26,27 @@ pub enum Turn {
         /// The last of them.
         to: u64,
     },
-    /// Tell that no more come.
+    /// Tell that no more frames come.
     End(EndReason),
 }
 
-/// Where a consumer is between two turns.
+/// State of a consumer between two turns.
 #[derive(Debug, Clone, Copy)]
 enum At {
     /// There may be something in the queue.
     Queue,
     /// A sample of this frame is in hand.
     Sample(u64),
-    /// So is one, and frames before it are missing for good: we were dropped.
+    /// A sample of this frame is in hand, and frames before it are missing for good: we were dropped.
     Gap(u64),
     /// The queue was empty.
     Empty,
-    /// The same, after the end was found.
+    /// The queue was empty after the end was found.
     Emptied(EndReason),
-    /// Nothing has come for long.
+    /// Nothing has come for a long time.
     Silence,
     Waiting,
-    /// Frames up to this one are missing, then comes the end.
+    /// Frames up to this one are missing; the end comes after them.
     Lost(u64, EndReason),
     Over(EndReason),
 }
@@ -54,14 +54,14 @@ enum At {
 /// A consumer that has joined a stream, or subscribed to results.
 #[derive(Debug)]
 pub struct Following {
-    /// Results have none before the first row.
+    /// Stream of the consumer. Results have none before the first row.
     stream: Option<StreamId>,
     delivery: Delivery,
     expected: u64,
     missed_count: u64,
-    /// A new producer has this name, and ours is over.
+    /// True if a new producer has this name, and ours is over.
     succeeded: bool,
-    /// How the stream ended; believed only after the queue was emptied once more.
+    /// End of the stream; believed only after the queue was emptied once more.
     closing: Option<EndReason>,
     /// The last frame published, as far as is known: later producers push our status out.
     last: Option<u64>,
@@ -70,13 +70,13 @@ pub struct Following {
 }
 
 impl Following {
-    /// A consumer that is guaranteed frames from `first_frame` on.
+    /// Makes one for a consumer that is guaranteed frames from `first_frame` on.
     pub fn new(stream: StreamId, delivery: Delivery, first_frame: u64, now: Instant) -> Self {
         Self { stream: Some(stream), delivery, expected: first_frame, ..Self::of_results(now) }
     }
 
-    /// A subscriber to results: they begin with the first row that comes, and go on after a gap, as not each frame
-    /// has a row.
+    /// Makes one for a subscriber to results. Results begin with the first row that comes, and go on after a gap, as not
+    /// each frame has a row.
     pub fn of_results(now: Instant) -> Self {
         Self {
             stream: None,
@@ -91,7 +91,7 @@ impl Following {
         }
     }
 
-    /// Which publishing of which run, once that is known.
+    /// Stream of the consumer, once it is known.
     pub fn stream(&self) -> Option<StreamId> {
         self.stream
     }
@@ -101,29 +101,29 @@ impl Following {
         self.expected
     }
 
-    /// How many frames were missing.
+    /// Number of missed frames.
     pub fn missed_count(&self) -> u64 {
         self.missed_count
     }
 
-    /// When the producer was last known to live: when the last frame came, or later.
+    /// Time when the producer was last known to live: when the last frame came, or later.
     pub fn came_at(&self) -> Instant {
         self.checked_at
     }
 
-    /// Whether only the end is left to tell.
+    /// True if only the end is left to tell.
     pub fn is_over(&self) -> bool {
         matches!(self.at, At::Over(_))
     }
 
-    /// Ends it, if it has not ended.
+    /// Ends the stream for the consumer, if it has not ended.
     pub fn end(&mut self, reason: EndReason) {
         if !self.is_over() {
             self.at = At::Over(reason);
         }
     }
 
-    /// What to do next.
+    /// Decides the next action.
     pub fn turn(&mut self) -> Turn {
         match self.at {
             At::Queue => Turn::Take,
@@ -150,7 +150,7 @@ impl Following {
         Turn::Missed { from, to }
     }
 
-    /// What was in the queue, if anything.
+    /// Notes the sample that was in the queue; none if the queue was empty.
     pub fn took(&mut self, header: Option<&StateHeader>, now: Instant) {
         let Some(header) = header else {
             self.at = self.closing.map_or(At::Empty, At::Emptied);
@@ -169,7 +169,7 @@ impl Following {
         }
     }
 
-    /// The status of our stream, if it is still known.
+    /// Notes the status of our stream; none if the status is no longer known.
     pub fn read(&mut self, status: Option<&RunStatus>, now: Instant) {
         let (last, end) = (status.and_then(RunStatus::last_frame), status.and_then(end_of));
         self.last = self.last.max(last);
@@ -204,7 +204,7 @@ impl Following {
         };
     }
 
-    /// Whether the producer lives.
+    /// Notes the answer: `is_alive` is true if the producer lives.
     pub fn heard(&mut self, is_alive: bool) {
         if is_alive {
             self.at = At::Waiting;
@@ -214,13 +214,13 @@ impl Following {
         }
     }
 
-    /// A moment has passed.
+    /// Notes that a moment has passed.
     pub fn waited(&mut self) {
         self.at = At::Queue;
     }
 }
 
-/// How a stream of this status ended, if its producer said so.
+/// End of a stream with this status, if its producer told one.
 fn end_of(status: &RunStatus) -> Option<EndReason> {
     match status.state {
         STATE_DONE => Some(EndReason::Complete),

@@ -1,4 +1,4 @@
-//! Whom a frame waits for, and for how long.
+//! Decides whom a frame waits for, and for how long.
 
 use crate::Delivery;
 use std::collections::{HashMap, HashSet};
@@ -6,61 +6,61 @@ use std::time::{Duration, Instant};
 
 const CLEAN_AFTER: Duration = Duration::from_millis(50);
 const CLEAN_PERIOD: Duration = Duration::from_millis(100);
-/// What a healthy consumer needs to make room, once we were asked to stop.
+/// Time that a healthy consumer needs to make room, once we were asked to stop.
 const STOP_GRACE: Duration = Duration::from_millis(250);
-/// How often in a row a send may fail in the transport although it did not wait for anybody.
+/// Most failures in a row of a send that waited for nobody.
 const MAX_FAILURES: u32 = 100;
 
-/// A consumer that has no room for what is being sent.
+/// A consumer that has no room for the sample that is being sent.
 #[derive(Debug, Clone, Copy)]
 #[expect(clippy::struct_excessive_bools, reason = "independent facts")]
 pub struct Full {
-    /// Its subscriber.
+    /// Id of the consumer's subscriber.
     pub id: u128,
-    /// What it wants; none if it has just left.
+    /// Delivery that the consumer wants; none if it has just left.
     pub delivery: Option<Delivery>,
-    /// It is asked about for the first time in this send.
+    /// True if this send asks about the consumer for the first time.
     pub is_first: bool,
-    /// This send repeats one that failed.
+    /// True if this send repeats one that failed.
     pub repeats: bool,
-    /// We were asked to stop.
+    /// True if we were asked to stop.
     pub stopping: bool,
-    /// The end of a stream of results is being sent, for which `latest` consumers are waited for, too, briefly.
+    /// True if the end of a stream of results is being sent; that send waits for `latest` consumers too, briefly.
     pub ending: bool,
 }
 
-/// What to do about a consumer that has no room.
+/// Decision about a consumer that has no room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// It goes without.
+    /// The consumer does not get the sample.
     LeaveOut,
-    /// The same, from now on whenever it has no room: it took nothing for so long.
+    /// The consumer does not get the sample, nor any later one for which it has no room: it took nothing for this long.
     Evict(Duration),
-    /// Wait until it has room.
+    /// The send waits until the consumer has room.
     Wait {
-        /// Look for dead processes first: it may be one.
+        /// True to look for dead processes first: the consumer may be one.
         clean: bool,
     },
-    /// It goes without, and the send fails: we were asked to stop.
+    /// The consumer does not get the sample, and the send fails: we were asked to stop.
     GiveUp,
 }
 
-/// Who holds a publisher back.
+/// Consumers that hold a publisher back.
 #[derive(Debug)]
 pub struct Holding {
     stuck_after: Duration,
-    /// Lossless consumers that nobody waits for (any more).
+    /// Lossless consumers that no send waits for (any more).
     ignored: HashSet<u128>,
-    /// Since when consumers hold back what is being sent, over all its repetitions.
+    /// Time since which each consumer holds back the present send, over all its repetitions.
     held_since: HashMap<u128, Instant>,
-    /// Who is asked about in this repetition.
+    /// Consumer that this repetition asked about last.
     asked: Option<u128>,
     cleaned_at: Option<Instant>,
     stopped_at: Option<Instant>,
 }
 
 impl Holding {
-    /// Of a publisher that drops a lossless consumer which takes nothing for `stuck_after`.
+    /// Makes one for a publisher that drops a lossless consumer which takes nothing for `stuck_after`.
     pub fn new(stuck_after: Duration) -> Self {
         Self {
             stuck_after,
@@ -72,7 +72,7 @@ impl Holding {
         }
     }
 
-    /// What to do about `full`.
+    /// Decides about the consumer `full`.
     pub fn judge(&mut self, full: &Full, now: Instant) -> Verdict {
         if full.is_first && !full.repeats {
             self.held_since.clear();
@@ -92,7 +92,7 @@ impl Holding {
         }
     }
 
-    /// A send failed, and is repeated: all but the one that it waited for may have taken what was sent.
+    /// Notes that a send failed and is repeated. All consumers but the one that it waited for may have taken the sample.
     pub fn repeats(&mut self) {
         let asked = self.asked.take();
         self.held_since.retain(|id, _| asked == Some(*id));
@@ -110,35 +110,35 @@ impl Holding {
         is_due
     }
 
-    /// Whoever is attached already belongs to an earlier producer of this name, and holds back this one
-    /// only after it has joined it.
+    /// Ignores the consumers that are attached already: they belong to an earlier producer of this name. One of them
+    /// holds this producer back only after joining it.
     pub fn ignore(&mut self, present: impl IntoIterator<Item = u128>) {
         self.ignored.extend(present);
     }
 
-    /// A consumer has joined; from now on it is waited for.
+    /// Notes that a consumer has joined; sends wait for it from now on.
     pub fn joined(&mut self, id: u128) {
         self.ignored.remove(&id);
     }
 
-    /// Whether nobody waits for this one.
+    /// True if no send waits for this consumer.
     pub fn ignores(&self, id: u128) -> bool {
         self.ignored.contains(&id)
     }
 }
 
-/// How often one send is repeated.
+/// Bounds the repetitions of one send.
 ///
-/// A signal that ends a wait for a consumer fails the send. Such a one is repeated for as long as the
-/// consumer may hold us back: [`Holding::judge`] bounds that over all repetitions. Any other
-/// failure is repeated a hundred times in a row, and not at all once we were asked to stop.
+/// A signal that ends a wait for a consumer makes the send fail. Such a send is repeated for as long as the
+/// consumer may hold us back; [`Holding::judge`] bounds that over all repetitions. After any other failure
+/// the send is repeated up to a hundred times in a row, and not at all once we were asked to stop.
 #[derive(Debug, Default)]
 pub struct Repeats {
     failures: u32,
 }
 
 impl Repeats {
-    /// A send failed, and had `waited` for a consumer or not: whether to send again.
+    /// Returns true if a failed send is to be repeated. `waited` is true if the send had waited for a consumer.
     pub fn once_more(&mut self, waited: bool, stopping: bool) -> bool {
         self.failures = if waited { 0 } else { self.failures + 1 };
         self.failures <= MAX_FAILURES && (self.failures == 0 || !stopping)

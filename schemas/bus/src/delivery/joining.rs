@@ -5,10 +5,10 @@ use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, RunStatus, STATE_RUNNING
 use schemas::manifest::RunId;
 use std::time::Instant;
 
-/// What a consumer in the handshake does next.
+/// Next action of a consumer in the handshake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JoinTurn {
-    /// Send a request of this phase, and say so with [`Joining::requested`].
+    /// Send a request of this phase: [`Joining::requested`].
     Request(u64),
     /// Look for the answer: [`Joining::answered`].
     Answer,
@@ -17,11 +17,11 @@ pub enum JoinTurn {
     Take,
     /// Connect to the producer: [`Joining::connected`].
     Connect,
-    /// Look at the status, and whether the process that wrote it lives: [`Joining::looked`].
+    /// Look at the status, and ask if the process that wrote it lives: [`Joining::looked`].
     Look,
     /// Wait for a moment: [`Joining::waited`].
     Wait,
-    /// It is done. The sample taken last may be the first that is guaranteed.
+    /// The handshake is done. The sample taken last may be the first that is guaranteed.
     Joined {
         /// The first frame that is guaranteed.
         first_frame: u64,
@@ -41,29 +41,29 @@ pub struct Joining {
 }
 
 impl Joining {
-    /// The handshake with the producer of `stream` begins.
+    /// Begins the handshake with the producer of `stream`.
     pub fn new(stream: StreamId, now: Instant) -> Self {
         let (phase, turn) = (JOIN_CONNECT, JoinTurn::Request(JOIN_CONNECT));
         Self { stream, phase, first_frame: 0, checked_at: now, turn }
     }
 
-    /// Which publishing of which run.
+    /// Stream that the consumer joins.
     pub fn stream(&self) -> StreamId {
         self.stream
     }
 
-    /// What to do next.
+    /// Next action of the consumer.
     pub fn turn(&self) -> JoinTurn {
         self.turn
     }
 
-    /// The request was sent.
+    /// Notes that the request was sent.
     pub fn requested(&mut self, now: Instant) {
         self.checked_at = now;
         self.turn = JoinTurn::Answer;
     }
 
-    /// The answer, if it was there. A sample that was taken just before it is kept.
+    /// Notes the answer; none if it was not there. A sample that was taken just before the answer is kept.
     pub fn answered(&mut self, answer: Option<&JoinAnswer>) {
         self.turn = match answer {
             None => JoinTurn::Take,
@@ -75,7 +75,7 @@ impl Joining {
         };
     }
 
-    /// Whether there was a sample in the queue.
+    /// Notes a look into the queue; `any` is true if there was a sample.
     pub fn took(&mut self, any: bool, now: Instant) {
         self.turn = if any {
             JoinTurn::Answer
@@ -87,7 +87,7 @@ impl Joining {
         };
     }
 
-    /// The connection is made.
+    /// Notes that the connection is made.
     pub fn connected(&mut self) {
         self.turn = if self.phase == JOIN_CONNECT {
             self.phase = JOIN_READY;
@@ -97,14 +97,14 @@ impl Joining {
         };
     }
 
-    /// What the status says, and whether the producer that wrote it lives.
+    /// Notes the status; `is_alive` is true if the producer that wrote it lives.
     pub fn looked(&mut self, status: &RunStatus, is_alive: bool) {
         // nobody answers a request to a producer before this one
         let goes_on = status.stream() == self.stream && status.state <= STATE_RUNNING && is_alive;
         self.turn = if goes_on { JoinTurn::Wait } else { JoinTurn::Left };
     }
 
-    /// A moment has passed.
+    /// Notes that a moment has passed.
     pub fn waited(&mut self) {
         self.turn = JoinTurn::Answer;
     }

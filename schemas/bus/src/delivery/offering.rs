@@ -1,4 +1,4 @@
-//! When to offer frames although no consumer has room.
+//! Decides when to offer frames although no consumer has room.
 
 use std::time::{Duration, Instant};
 
@@ -10,20 +10,20 @@ const LONGEST: Duration = Duration::from_millis(1);
 /// Spares the writing of frames while nobody takes any.
 ///
 /// A frame that reached nobody was for `latest` consumers only, all of them with full queues: a lossless one
-/// would have got it, or held it back. After each such frame twice as many are left out, until one is taken
-/// again, so that a consumer that is stuck costs next to nothing and one that is merely slow misses hardly
-/// more than it would anyway.
+/// would have got it, or held it back. After each such frame twice as many frames are left out, until one is
+/// taken again. So a stuck consumer costs next to nothing, and a slow one misses hardly more than it would
+/// anyway.
 #[derive(Debug, Default)]
 pub(super) struct Offering {
     /// Frames to leave out after one that nobody took.
     pause: u32,
-    /// Of these, how many are still to come.
+    /// Frames that are still to be left out.
     left: u32,
     refused_at: Option<Instant>,
 }
 
 impl Offering {
-    /// Whether the next frame is to be offered.
+    /// True if the next frame is to be offered.
     pub(super) fn is_due(&mut self, now: Instant) -> bool {
         if self.left > 0 && self.refused_at.is_some_and(|at| now.duration_since(at) < LONGEST) {
             self.left -= 1;
@@ -32,7 +32,7 @@ impl Offering {
         true
     }
 
-    /// A frame was offered, and so many took it.
+    /// Notes that a frame was offered, and that `recipients` consumers took it.
     pub(super) fn offered(&mut self, recipients: usize, now: Instant) {
         if recipients > 0 {
             (self.pause, self.left) = (0, 0);
@@ -48,7 +48,7 @@ impl Offering {
 mod tests {
     use super::*;
 
-    /// Which of this many frames are offered while nobody takes any.
+    /// Numbers of the frames that are offered, among the first `frames`, while nobody takes any.
     fn offered(offering: &mut Offering, frames: u32, now: Instant) -> Vec<u32> {
         let mut offer = |_: &u32| {
             let due = offering.is_due(now);

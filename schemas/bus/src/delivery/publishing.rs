@@ -1,4 +1,4 @@
-//! How far a run is, who has joined it, and what is offered to whom has.
+//! Progress of a run, the consumers that have joined it, and the choice of the frames that they are offered.
 
 use super::offering::Offering;
 use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_RUNNING};
@@ -10,14 +10,14 @@ const WAKE_EVERY_FRAMES: u32 = 16;
 /// Longest time between two wake-ups while frames come.
 const WAKE_PERIOD: Duration = Duration::from_millis(1);
 
-/// What to do about a request to join.
+/// Response to a request to join.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked {
-    /// The answer, once the rest is done.
+    /// Answer to send once the rest is done.
     pub answer: JoinAnswer,
-    /// Update the connections to all subscribers.
+    /// True to update the connections to all subscribers.
     pub connect: bool,
-    /// Wait for this one from now on.
+    /// True to wait for this consumer from now on.
     pub joined: bool,
 }
 
@@ -33,7 +33,7 @@ pub struct Publishing {
 }
 
 impl Publishing {
-    /// A run that begins with this status.
+    /// Makes one for a run that begins with this status.
     pub fn new(status: RunStatus, now: Instant) -> Self {
         Self {
             next_frame: status.first_frame,
@@ -50,14 +50,14 @@ impl Publishing {
         self.next_frame
     }
 
-    /// How far the run is.
+    /// Progress of the run.
     pub fn status(&mut self) -> &mut RunStatus {
         &mut self.status
     }
 
-    /// A consumer asks; `is_attached` says whose subscriber is there.
+    /// Decides about a consumer's request; `is_attached` is true for a subscriber that is there.
     ///
-    /// Between two frames: what is being sent belongs to nobody who joins meanwhile.
+    /// Call it between two frames: a frame that is being sent does not belong to a consumer that joins meanwhile.
     pub fn asked(&mut self, request: JoinRequest, is_attached: impl Fn(u128) -> bool) -> Asked {
         let mut answer = JoinAnswer {
             run_id: self.status.run_id,
@@ -82,22 +82,22 @@ impl Publishing {
         Asked { answer, connect, joined }
     }
 
-    /// Who has joined; some may have left since the last one came.
+    /// Consumers that have joined; some may have left since the last one came.
     pub fn ready(&self) -> &HashSet<u128> {
         &self.ready
     }
 
-    /// Whether the next frame is to be sent: one that nobody takes need not be written.
+    /// True if the next frame is to be sent: a frame that nobody takes need not be written.
     pub fn offers(&mut self, subscribers: usize, is_last: bool, now: Instant) -> bool {
         subscribers > 0 && (self.offering.is_due(now) || is_last)
     }
 
-    /// The next frame was sent, and so many took it.
+    /// Notes that the next frame was sent, and that `recipients` consumers took it.
     pub fn offered(&mut self, recipients: usize, now: Instant) {
         self.offering.offered(recipients, now);
     }
 
-    /// The next frame is out.
+    /// Notes that the next frame is out.
     pub fn published(&mut self, step: u64, time_s: f64) {
         self.next_frame += 1;
         self.since_wake += 1;
@@ -106,17 +106,17 @@ impl Publishing {
         (self.status.step, self.status.time_s) = (step, time_s);
     }
 
-    /// Whether consumers are woken, and the status is written, after the next frame.
+    /// True if consumers are to be woken, and the status is to be written, after the next frame.
     pub fn rings(&self, now: Instant) -> bool {
         self.since_wake + 1 >= WAKE_EVERY_FRAMES || now.duration_since(self.woke_at) >= WAKE_PERIOD
     }
 
-    /// Whether consumers have not been woken since the last frame.
+    /// True if consumers have not been woken since the last frame.
     pub fn has_news(&self) -> bool {
         self.since_wake > 0
     }
 
-    /// Consumers were woken.
+    /// Notes that consumers were woken.
     pub fn woke(&mut self, now: Instant) {
         (self.since_wake, self.woke_at) = (0, now);
     }

@@ -1,4 +1,4 @@
-//! Finding a run, and the handshake with its producer.
+//! Finds a run, and does the handshake with its producer.
 
 use super::{LiveSource, Ports, StateSample, StateSubscriber};
 use crate::backpressure::Delivery;
@@ -23,15 +23,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How often we look for changes while the run is not there yet.
+/// Time between two looks for changes while the run is not there yet.
 const SEARCH_PERIOD: Duration = Duration::from_millis(50);
-/// The same right after the start.
+/// Time between two such looks right after the start.
 const EAGER_SEARCH_PERIOD: Duration = Duration::from_millis(20);
-/// How often we look at a service that is being made.
+/// Time between two looks at a service that is being made.
 const UNSETTLED_PERIOD: Duration = Duration::from_millis(50);
-/// How long we are eager.
+/// Time after the start during which looks come faster.
 const EAGER: Duration = Duration::from_secs(1);
-/// How often a consumer in the handshake looks for the answer.
+/// Time between two looks of a consumer in the handshake for the answer.
 const ANSWER_WAIT: Duration = Duration::from_millis(10);
 
 /// Why [`LiveSource::attach`] is waiting.
@@ -39,31 +39,31 @@ const ANSWER_WAIT: Duration = Duration::from_millis(10);
 pub enum AttachNotice {
     /// No such run is being published; told once.
     WaitingForRun {
-        /// Its name, if one was asked for.
+        /// Name of the run, if one was asked for.
         name: Option<RunName>,
     },
     /// The run is there, and the handshake with its producer comes next. Told before each try.
     Joining {
-        /// Its name.
+        /// Name of the run.
         name: RunName,
     },
     /// The run is there, but its producer does not answer yet: another consumer holds it back; told once.
     WaitingForAnswer {
-        /// Its name.
+        /// Name of the run.
         name: RunName,
     },
 }
 
-/// How to attach.
+/// Options for attaching to a run.
 #[derive(Clone)]
 pub struct AttachOptions {
-    /// What the consumer is called in messages, `energies` for instance; at most 30 characters count.
+    /// Name of the consumer in messages, `energies` for instance; at most 30 characters count.
     pub label: String,
-    /// How long to wait for a run. Default: for ever.
+    /// Longest wait for a run. Default: for ever.
     pub timeout: Option<Duration>,
     /// When set, waiting ends, and the source ends with [`EndReason::Stopped`](schemas::frame::EndReason::Stopped).
     pub stop: Arc<AtomicBool>,
-    /// Is told what we wait for.
+    /// Function that gets a notice of each thing that we wait for.
     pub notice: Arc<dyn Fn(&AttachNotice) + Send + Sync>,
 }
 
@@ -76,32 +76,32 @@ impl Default for AttachOptions {
 /// Why we could not attach.
 #[derive(Debug, thiserror::Error)]
 pub enum AttachError {
-    /// The bus.
+    /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Nothing came.
+    /// No run came in time.
     #[error("no run{} was published within {:.1} s; start one with `beadline run`", named(.name.as_ref()), waited.as_secs_f64())]
     Timeout {
         /// The run asked for.
         name: Option<RunName>,
-        /// How long we waited.
+        /// Time waited.
         waited: Duration,
     },
-    /// More than one run, and none was named.
+    /// More than one run is being published, and none was named.
     #[error("several runs are being published, name one: {}", join_names(.names))]
     SeveralRuns {
-        /// Their names.
+        /// Names of the runs.
         names: Vec<RunName>,
     },
     /// We were asked to stop.
     #[error("stopped while waiting for a run")]
     Stopped,
-    /// The manifest that the producer published.
+    /// The manifest that the producer published cannot be read.
     #[error("run {name} cannot be read")]
     Manifest {
         /// The run.
         name: RunName,
-        /// What is wrong with it.
+        /// Error in the manifest.
         source: ManifestError,
     },
     /// No more consumers can attach.
@@ -161,17 +161,17 @@ impl LiveSource {
     }
 }
 
-/// Whether to look for runs again: a look takes milliseconds, and changes are rare.
+/// Decides when to look for runs again: a look takes milliseconds, and changes are rare.
 struct Rescan {
     services: PathBuf,
     changed: Option<SystemTime>,
     looked_at: Option<Instant>,
-    /// How long the last look is valid if no service has come or gone since.
+    /// Time for which the last look is valid if no service has come or gone since.
     good_for: Duration,
 }
 
 impl Rescan {
-    /// How long a new service may take until it is whole. Finishing it does not touch the directory.
+    /// Longest time that a new service may take until it is whole. Finishing it does not touch the directory.
     const SETTLING: Duration = Duration::from_secs(1);
 
     fn new(bus: &Bus) -> Self {
@@ -187,7 +187,7 @@ impl Rescan {
         !same || self.looked_at.is_none_or(|at| at.elapsed() >= good_for)
     }
 
-    /// A run that is over but still read can come to life again without a new service.
+    /// Notes a look that saw `found`. A run that is over but still read can come to life again without a new service.
     fn looked(&mut self, found: &RunsSeen) {
         self.looked_at = Some(Instant::now());
         self.good_for = match found {
@@ -202,7 +202,7 @@ impl Rescan {
 struct RunsSeen {
     /// The run that was asked for, if it is being published.
     live: Option<RunName>,
-    /// Whether there is such a run at all.
+    /// True if there is such a run at all.
     any: bool,
 }
 
@@ -219,7 +219,7 @@ impl Search<'_> {
         if self.options.stop.load(Ordering::Relaxed) { Err(AttachError::Stopped) } else { Ok(()) }
     }
 
-    /// The run to attach to.
+    /// Looks for the run to attach to.
     fn find(&self, run: Option<&RunName>) -> Result<RunsSeen, AttachError> {
         let mut names = run_names(self.bus)?;
         names.retain(|name| run.is_none_or(|run| run == name));
@@ -238,7 +238,7 @@ impl Search<'_> {
         Ok(RunsSeen { live: names.pop(), any: true })
     }
 
-    /// Attaches to `run`, unless it is over before we are done.
+    /// Attaches to `run`; none if the run is over before we are done.
     fn attach(&self, run: &RunName) -> Result<Option<Box<LiveSource>>, AttachError> {
         let node = self.bus.node()?;
         let Some(board) = BoardReader::find(&node, run)? else { return Ok(None) };
@@ -304,7 +304,7 @@ impl Search<'_> {
     }
 }
 
-/// What the handshake gave.
+/// Result of the handshake.
 struct Joined {
     first_frame: u64,
     first_sample: Option<StateSample>,
@@ -321,7 +321,7 @@ struct Handshake<'a> {
 }
 
 impl Handshake<'_> {
-    /// `None`: the producer left meanwhile.
+    /// Does the handshake; none if the producer left meanwhile.
     fn run(
         &self,
         subscriber: &StateSubscriber,
@@ -388,7 +388,7 @@ impl Handshake<'_> {
         Ok(Some(Joined { first_frame, first_sample: sample, chain }))
     }
 
-    /// The chain, which the producer's answer to the first request has delivered.
+    /// Receives the chain, which the producer's answer to the first request has delivered.
     fn chain(
         &self,
         chains: &StateSubscriber,

@@ -1,4 +1,4 @@
-//! Registering a run on the bus.
+//! Registers a run on the bus.
 
 use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
 use crate::board::{BoardReader, BoardWriter};
@@ -17,13 +17,13 @@ use schemas::run_name::RunName;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// How long a producer of the same name may take to vanish.
+/// Longest time that a producer of the same name may take to vanish.
 const TAKE_OVER_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Why a run cannot be published.
 #[derive(Debug, thiserror::Error)]
 pub enum PublishError {
-    /// The bus.
+    /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// Another producer has this name.
@@ -37,13 +37,13 @@ pub enum PublishError {
         run_id: RunId,
         /// The other producer's process.
         pid: u64,
-        /// When the other run started.
+        /// Start of the other run.
         started: SystemTime,
     },
-    /// No consumer would read the manifest.
+    /// The manifest is so long that no consumer would read it.
     #[error(transparent)]
     ManifestTooLong(#[from] ManifestTooLong),
-    /// A frame that is not one of this run.
+    /// A frame has another number of values than the run's frames.
     #[error("frame {frame} has {found} values, the run's frames have {expected}")]
     Shape {
         /// Number of the frame.
@@ -53,23 +53,23 @@ pub enum PublishError {
         /// Values found.
         found: usize,
     },
-    /// Frames must follow each other without a gap: consumers take a gap for a loss.
+    /// A frame does not follow the one before it: consumers would take the gap for a loss.
     #[error("frame {found} was published where frame {expected} was expected")]
     Order {
-        /// Expected.
+        /// Number of the expected frame.
         expected: u64,
-        /// Found.
+        /// Number of the frame that came.
         found: u64,
     },
-    /// Waits for more consumers than can attach.
+    /// The run would wait for more consumers than can attach.
     #[error(
         "this run cannot wait for {asked} lossless consumers: at most {most} can attach (fewer when frames \
          are large and shared memory is short); wait for {most} or fewer"
     )]
     TooManyConsumers {
-        /// How many are waited for.
+        /// Number of consumers to wait for.
         asked: usize,
-        /// How many can be attached at a time.
+        /// Most consumers that can be attached at a time.
         most: usize,
     },
     /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
@@ -83,7 +83,7 @@ pub enum PublishError {
     Send {
         /// Number of the frame.
         frame: u64,
-        /// What iceoryx2 says.
+        /// Error from iceoryx2.
         cause: String,
     },
 }

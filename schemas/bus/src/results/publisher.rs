@@ -1,4 +1,4 @@
-//! Publishing rows of results.
+//! Publishes rows of results.
 
 use super::{ResultElement, ResultsError, attributes_of, columns_of};
 use crate::backpressure::{Backpressure, Delivery, Remedies};
@@ -17,10 +17,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How long a lossless subscriber to results may take nothing.
+/// Longest time that a lossless subscriber to results may take nothing.
 const STUCK_AFTER: Duration = Duration::from_secs(10);
 const TAKE_OVER_PATIENCE: Duration = Duration::from_millis(500);
-/// How long a new publisher waits for processes that listen to subscribe.
+/// Longest wait of a new publisher for listening processes to subscribe.
 const WATCHER_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Publishes one kind of result of one run. Costs next to nothing while nobody listens.
@@ -31,7 +31,7 @@ pub struct ResultPublisher<T: ResultElement> {
     topic: Topic,
     width: usize,
     last: StateHeader,
-    /// Rows were published, whether anybody got them or not.
+    /// True if rows were published, received or not.
     follows: bool,
     node: Node<Ipc>,
     _bus: Bus,
@@ -144,8 +144,8 @@ impl<T: ResultElement> ResultPublisher<T> {
         self.finish_and_wait(Duration::ZERO)
     }
 
-    /// As [`finish`](Self::finish), but leaves the bus only when every present lossless subscriber has left, it is
-    /// stopped, or `at_most` is over. Use it before publishing the same topic again, so that present subscribers can
+    /// As [`finish`](Self::finish), but leaves the bus only when every present lossless subscriber has left, the publisher
+    /// is stopped, or `at_most` is over. Use it before publishing the same topic again, so that present subscribers can
     /// read to the end.
     ///
     /// # Errors
@@ -182,7 +182,7 @@ fn check<T: ResultElement>(topic: Topic, columns: &ResultColumns) -> Result<(), 
 struct Watchers([EventService; 2]);
 
 impl Watchers {
-    /// Tells them about a new publisher of `topic`.
+    /// Tells these processes about a new publisher of `topic`.
     fn call(node: &Node<Ipc>, run: &RunName, topic: Topic) -> Result<Self, BusError> {
         let all = [services::events(node, run, topic)?, services::announcements(node, run)?];
         for events in &all {
@@ -194,7 +194,7 @@ impl Watchers {
         Ok(Self(all))
     }
 
-    /// Whether each of them has a subscriber, and so gets every row.
+    /// True if each of these processes has a subscriber, and so gets every row.
     fn have_subscribed<T: ResultElement>(&self, backpressure: &Backpressure<T>) -> bool {
         let subscribed = backpressure.processes();
         self.0.iter().all(|events| {

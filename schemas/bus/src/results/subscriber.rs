@@ -1,4 +1,4 @@
-//! Receiving rows of results.
+//! Receives rows of results.
 
 use super::{ResultElement, ResultsError, columns_of};
 use crate::backpressure::Delivery;
@@ -33,13 +33,13 @@ pub struct Row<'a> {
     pub step: u64,
     /// The time of that frame (s).
     pub time_s: f64,
-    /// Its publisher had rows before this one, whether they reached us or not.
+    /// True if the row's publisher had rows before this one, received or not.
     pub follows: bool,
     /// The values.
     pub values: RowValues<'a>,
 }
 
-/// What a subscriber to results has next.
+/// Next item for a subscriber to results.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ResultReceived<'a> {
     /// The next row.
@@ -51,19 +51,19 @@ pub enum ResultReceived<'a> {
         /// Last missing frame.
         to: u64,
     },
-    /// No more rows.
+    /// No more rows come.
     End(EndReason),
 }
 
-/// A subscriber, whatever the elements of its rows are.
+/// Queue of a subscriber, for rows of any element type.
 trait Queue: Send {
     /// Lets go of the row taken last and takes the next one, if there is one.
     fn take(&mut self) -> Result<Option<StateHeader>, ReceiveError>;
     /// The row taken last.
     fn row(&self) -> Option<(&StateHeader, RowValues<'_>)>;
-    /// Whether anybody publishes.
+    /// True if the topic has a publisher.
     fn has_publisher(&self) -> bool;
-    /// Whether a living process does.
+    /// True if the topic has a publisher in a living process.
     fn has_live_publisher(&self, bus: &Bus) -> bool;
 }
 
@@ -127,14 +127,14 @@ pub struct ResultSubscriber {
     topic: Topic,
     columns: ResultColumns,
     following: Following,
-    /// The end, once its row has come.
+    /// Status of the stream; it has the end once the row of the end has come.
     status: RunStatus,
     stop: Arc<AtomicBool>,
     _node: Node<Ipc>,
 }
 
 impl ResultSubscriber {
-    /// Attaches to `topic` of `run`. `None`: nobody publishes it (yet).
+    /// Attaches to `topic` of `run`; none if nobody publishes it (yet).
     ///
     /// # Errors
     /// When the bus cannot be used.
@@ -166,7 +166,7 @@ impl ResultSubscriber {
         }))
     }
 
-    /// What the elements of a row mean.
+    /// Meaning of the elements of a row.
     pub fn columns(&self) -> &ResultColumns {
         &self.columns
     }
@@ -198,7 +198,7 @@ impl ResultSubscriber {
         }
     }
 
-    /// Does what there is to do, until there is something to tell or to wait for.
+    /// Takes turns until there is something to tell or to wait for.
     fn next_turn(&mut self) -> Result<Turn, ResultsError> {
         loop {
             if self.stop.load(Ordering::Relaxed) {
@@ -229,7 +229,7 @@ impl ResultSubscriber {
         Ok(())
     }
 
-    /// Whether the row taken last says that no more come.
+    /// True if the row taken last tells that no more rows come.
     fn is_end(&self, header: &StateHeader) -> bool {
         let is_empty = self.queue.row().is_some_and(|(_, values)| values.is_empty());
         let is_ours = self.following.stream().is_none_or(|stream| stream == header.stream());

@@ -1,4 +1,4 @@
-//! Finding results as they come.
+//! Finds results as they come.
 
 use super::ResultsError;
 use super::subscriber::ResultSubscriber;
@@ -56,7 +56,7 @@ impl ResultsWatch {
         ResultSubscriber::attach(&self.bus, &self.run, topic, delivery, stop)
     }
 
-    /// Waits until a publisher comes, or for `patience`; returns whether one came.
+    /// Waits until a publisher comes, or for `patience`; returns true if one came.
     pub fn wait(&self, patience: Duration) -> bool {
         let mut came = false;
         // a signal ends the wait early; the caller looks again
