@@ -1,4 +1,4 @@
-//! What drives do at a moment: where they put walls and beads, with which force they push.
+//! Actions of drives at a moment: the places of walls and beads, and the forces on beads.
 
 use crate::kernel::Activity;
 use schemas::drive::{Drive, Place, Quantity, Side};
@@ -11,10 +11,10 @@ pub(crate) struct Drives {
     dt_s: f64,
 }
 
-/// What a drive does at a moment.
+/// Action of a drive at a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Now {
-    /// The displacement (m) of what it moves.
+    /// The displacement (m) of the wall or bead that it moves.
     pub(crate) x_m: f64,
     /// Its velocity (m/s).
     pub(crate) v_m_s: f64,
@@ -22,7 +22,7 @@ pub(crate) struct Now {
     pub(crate) force_n: f64,
 }
 
-/// Where a drive acts.
+/// The wall or bead on which a drive acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Acts {
     /// It moves the left (0) or the right (1) wall.
@@ -38,34 +38,34 @@ pub(crate) enum Acts {
 pub(crate) struct When {
     /// The step that is made.
     pub(crate) step: u64,
-    /// How long after its beginning (s).
+    /// Time after the beginning of the step (s).
     pub(crate) after_s: f64,
-    /// When its piece began, and how long (s) after that.
+    /// Beginning of the piece (s after the beginning of the step), and the time (s) since then.
     pub(crate) from_s: f64,
     pub(crate) since_s: f64,
-    /// Whether it is its end, which is the beginning of the next one.
+    /// True at the end of the step, which is the beginning of the next one.
     pub(crate) is_end: bool,
-    /// The delay (s) with which forces and velocities are asked for: away from a knot, into the piece.
+    /// The delay (s) at which forces and velocities are evaluated: away from a knot, into the piece.
     pub(crate) beside_s: f64,
 }
 
 impl Drives {
-    /// Those of a run with steps of `dt_s`, if there are any.
+    /// Makes the drives of a run with steps of `dt_s`, if there are any.
     pub(crate) fn of(drives: &[Drive], dt_s: f64) -> Option<Self> {
         (!drives.is_empty()).then(|| Self { drives: drives.to_vec(), dt_s })
     }
 
-    /// Whether all of them move walls.
+    /// True if all of them move walls.
     pub(crate) fn are_at_walls(&self) -> bool {
         (0..self.count()).all(|d| matches!(self.acts(d), Acts::Wall(_)))
     }
 
-    /// How many there are.
+    /// Number of drives.
     pub(crate) fn count(&self) -> usize {
         self.drives.len()
     }
 
-    /// Where drive `d` acts.
+    /// The wall or bead on which drive `d` acts.
     pub(crate) fn acts(&self, d: usize) -> Acts {
         let drive = &self.drives[d];
         match drive.at {
@@ -78,7 +78,8 @@ impl Drives {
         }
     }
 
-    /// What each does at `when`; `row` is that of the drives in the state at the beginning of the step.
+    /// Writes the action of each drive at `when` into `now`; `row` is the row of the drives in the state at the
+    /// beginning of the step.
     pub(crate) fn at(&self, when: When, row: &[f64], now: &mut Vec<Now>) {
         let at = if when.is_end {
             Moment::new(when.step + 1, self.dt_s, 0.0)
@@ -107,8 +108,8 @@ impl Drives {
         }));
     }
 
-    /// The way (m) that a prescribed velocity makes from the beginning of a piece until `when`: Gauss's quadrature with three points, of
-    /// sixth order.
+    /// The distance (m) that a prescribed velocity covers from the beginning of a piece until `when`: Gauss's
+    /// quadrature with three points, of sixth order.
     fn way_m(&self, drive: &Drive, when: When) -> f64 {
         // ½ ∓ √15/10
         const NODES: [f64; 3] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];

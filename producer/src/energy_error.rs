@@ -1,11 +1,11 @@
-//! How well a run keeps its energy, found by making it.
+//! Error of a run's energy, found by making the run.
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
 use schemas::manifest::Physics;
 use schemas::summary::Drift;
 
-/// What [`energy_error`] found.
+/// Result of [`energy_error`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnergyError {
     /// The largest |ΔE/E| ([`Drift`]) of the states looked at, dissipated work included in E; infinite where a state

@@ -1,13 +1,15 @@
-//! From when on the last places of its numbers decide where the beads of a run are, found beside the run at little cost.
+//! The time from which the last places of a run's numbers decide where its beads are, estimated beside the run at
+//! little cost.
 //!
-//! What roundings change obeys, as long as it is small, the linear equations
-//! `m·d²δu_i/dt² = s_{i−1}·(δu_{i−1} − δu_i) − s_i·(δu_i − δu_{i+1})` with the slopes `s` of the contacts along the run itself. They are
-//! made by leapfrog with steps of about 0.3 T of the lightest bead: one evaluation of forces in the time in which the run makes sixty or
-//! more. At each of these steps each number gets a rounding more, of a sign that a hash gives. So there is no second run: the states
-//! are those of the run.
+//! Changes by roundings obey, as long as they are small, the linear equations
+//! `m·d²δu_i/dt² = s_{i−1}·(δu_{i−1} − δu_i) − s_i·(δu_i − δu_{i+1})`
+//! with the slopes `s` of the contacts along the run itself. Leapfrog solves them with steps of about 0.3 T of the
+//! lightest bead: one evaluation of forces in the time in which the run makes sixty or more. At each of these steps
+//! each number gets another rounding, with a sign from a hash. So there is no second run: the states are those of the
+//! run.
 //!
-//! It is an estimate, good to a factor of some tens, as is the number of roundings; where differences grow exponentially that is a few T
-//! of the time at which they count. `beadline check` finds it by twins.
+//! The result is an estimate, good to a factor of some tens, as is the number of roundings. Where differences grow
+//! exponentially, this shifts the time at which they count by a few T. `beadline check` finds the time by twins.
 
 use crate::kernel::Activity;
 use crate::state::ChainState;
@@ -24,38 +26,38 @@ use std::ops::Range;
 /// Time between two looks in units of the longest step that a run may have, a quarter of the collision time of its lightest bead.
 const LOOK_INTERVAL: f64 = 1.2;
 
-/// Evaluations of forces between two looks, at least: a look takes up to one and a half.
+/// Fewest evaluations of forces between two looks: a look takes up to one and a half.
 const FEWEST_EVALUATIONS: u64 = 75;
 
 /// The longest time between two looks, in the same units; leapfrog is stable up to 4/√α.
 const LONGEST_INTERVAL: f64 = 1.6;
 
-/// The change by a rounding of a number, a part of it: one unit in the last place of what is just above a power of two.
+/// The relative change of a number by a rounding: one unit in the last place of a number just above a power of two.
 const ROUNDING: f64 = f64::EPSILON;
 
-/// Differences count from this on, in units of L and L/T: what `beadline check` tolerates.
+/// Differences from which on they count, in units of L and L/T: the tolerance of `beadline check`.
 const COUNTS: f64 = 1e-4;
 
-/// From here on their growth is measured.
+/// Differences from which on their growth is measured.
 const MEASURED: f64 = 1e-10;
 
-/// Growth over six decades that takes no more than this many times the time before it is exponential: that of a power of the time
-/// would take 10 times with `t^6`, and 1000 times with `t^2`.
+/// Growth over six decades is exponential if it takes no more than this many times the time before it. Growth by a
+/// power of the time would take 10 times with `t^6`, and 1000 times with `t^2`.
 const SUDDEN: f64 = 4.0;
 
-/// Beads that are watched at most: it takes five numbers for each.
+/// Most beads that are watched: each takes five numbers.
 const MOST_BEADS: usize = 1_000_000;
 
 /// The loss of a motion to rounding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
-    /// From this time on (s) roundings count.
+    /// Time (s) from which on roundings count.
     pub at_s: f64,
-    /// The rate λ (1/s) of the growth `exp(λt)` before.
+    /// The rate λ (1/s) of the growth `exp(λt)` before that time.
     pub growth_per_s: f64,
 }
 
-/// The changes of a run by roundings, beside it.
+/// The changes of a run by roundings, computed beside it.
 #[derive(Debug, Clone)]
 pub struct Growth {
     chain: Chain,
@@ -87,8 +89,8 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// For the run of `physics` from `state` on; none where what happens inside beads or closed contacts is more than is watched
-    /// (resonators, dampings that are no dashpots), and where steps are so long that looking would cost much.
+    /// Makes one for the run of `physics` from `state` on. None for resonators and for dampings that are no dashpots,
+    /// whose motion is not watched, and for steps so long that looking would cost much.
     pub fn of(physics: &Physics, state: &ChainState) -> Option<Self> {
         let beads = state.u_m.len();
         let dashpot_n_s_per_m = match physics.damping {
@@ -142,17 +144,17 @@ impl Growth {
         })
     }
 
-    /// The step that it wants to see next, or `step` if that comes first.
+    /// The next step at which it looks, or `step` if that comes first.
     pub fn next_before(&self, step: u64) -> u64 {
         if self.is_over || self.next > step { step } else { self.next }
     }
 
-    /// From when on roundings count, if they do, because they have grown exponentially.
+    /// The time from which on roundings count, if they do, because they have grown exponentially.
     pub fn lost(&self) -> Option<Lost> {
         self.lost
     }
 
-    /// Looks at the run, if it has come to the step that was wanted.
+    /// Looks at the run, if it has come to the next step for a look.
     pub fn look(&mut self, state: &ChainState) {
         if self.is_over || state.step < self.next {
             return;
@@ -201,7 +203,7 @@ impl Growth {
         }
     }
 
-    /// The velocities change by what the forces of a look do, over the time to the next one.
+    /// Changes the velocities by the forces of a look, over the time to the next one.
     #[inline(always)]
     fn kick(&mut self, state: &ChainState, beads: &Range<usize>) {
         let contacts = self.contacts_of(beads);
@@ -231,7 +233,7 @@ impl Growth {
         self.kick_at_sites(state, beads, time_s);
     }
 
-    /// Adds what walls do, or the contact that closes a ring.
+    /// Adds the forces of walls, or of the contact that closes a ring.
     fn kick_ends(&mut self, state: &ChainState, time_s: f64) {
         let chain = &self.chain;
         let approaches = chain.wall_approaches_m(&state.u_m, &state.extra);
@@ -256,7 +258,7 @@ impl Growth {
         }
     }
 
-    /// Adds what springs at the beads' places and drag do.
+    /// Adds the forces of springs at the beads' places and of drag.
     fn kick_at_sites(&mut self, state: &ChainState, beads: &Range<usize>, time_s: f64) {
         let sites = &self.chain.sites;
         for i in beads.clone() {
@@ -275,7 +277,7 @@ impl Growth {
         }
     }
 
-    /// The displacements change until the next look; each number gets a rounding more.
+    /// Changes the displacements until the next look, and adds another rounding to each number.
     #[inline(always)]
     fn drift(&mut self, state: &ChainState, beads: &Range<usize>) {
         let time_s = self.every as f64 * self.dt_s;

@@ -16,7 +16,7 @@ use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 
 /// Advances the states of one chain by the method of its run.
 ///
-/// Architecture invariant: a step is a pure function of the state. What an integrator keeps from step to step
+/// Architecture invariant: a step is a pure function of the state. Data that an integrator keeps from step to step
 /// saves work and decides no bit, so that a fresh one started at any state goes on with the same bits.
 #[derive(Debug, Clone)]
 pub struct Integrator {
@@ -34,17 +34,18 @@ impl Integrator {
     /// The integrator of a run.
     ///
     /// # Panics
-    /// When nothing computes the run any more, as [`check_kernel`](crate::resimulation::check_kernel) says.
+    /// When no dynamics of this program computes the run any more; see
+    /// [`check_kernel`](crate::resimulation::check_kernel).
     pub fn new(physics: &Physics) -> Self {
         Self::with_arch(physics, Arch::new())
     }
 
-    /// The same with a given instruction set; all give the same bits.
+    /// Like [`new`](Self::new), with a given instruction set; all give the same bits.
     pub fn with_arch(physics: &Physics, arch: Arch) -> Self {
         Self::with_tiles(physics, arch, TILE)
     }
 
-    /// The same with a given length of tiles, too.
+    /// Like [`with_arch`](Self::with_arch), with a given length of tiles, too.
     fn with_tiles(physics: &Physics, arch: Arch, tile: usize) -> Self {
         assert!(physics.retired().is_none(), "nobody makes a run that `check_kernel` refuses");
         let chain = physics.chain();
@@ -67,7 +68,7 @@ impl Integrator {
         self.advance(state, state.step + 1);
     }
 
-    /// Advances `state` by some steps, at least by one and at most to step `last`: by as many as can be made while the
+    /// Advances `state` by at least one step and at most to step `last`: by as many steps as can be made while the
     /// chain is fetched once. Where nobody looks at the states between, this is faster than step by step.
     ///
     /// As for [`Integrator::step`], pass each call the state that the call before left.
@@ -96,7 +97,7 @@ impl ChainState {
         Self::starting_at(physics, &u_m, &v_m_s)
     }
 
-    /// A state at step 0 with displacements (m) and velocities (m/s) of one's own, N values each.
+    /// A state at step 0 with the given displacements (m) and velocities (m/s), N values each.
     ///
     /// The higher derivatives that `gear5` carries are those of the exact motion, so that it has its order
     /// from the first step.
@@ -108,8 +109,8 @@ impl ChainState {
     }
 }
 
-/// The first rows of `extra`, which the method of `physics` carries, beside the displacements `u_m` (m) and velocities `v_m_s` (m/s)
-/// of a state.
+/// The first rows of `extra`, which the method of `physics` carries, for the displacements `u_m` (m) and velocities
+/// `v_m_s` (m/s) of a state.
 fn first_terms(physics: &Physics, u_m: &[f64], v_m_s: &[f64]) -> Vec<f64> {
     match physics.method {
         Method::Gear5 => taylor_terms(&physics.chain(), u_m, v_m_s, physics.dt_s),

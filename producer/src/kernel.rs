@@ -1,9 +1,8 @@
 //! Kicks, drifts and contact forces, over the part of the chain that has ever moved.
 //!
-//! Architecture invariant: a bead is skipped only where the full step would return the bits it
-//! already has. Outside the [`Activity`] window displacement and velocity are zero, every contact has its
-//! force at rest, which is subtracted in the form in which it was computed, and a kick or a drift adds
-//! exactly zero.
+//! Architecture invariant: a bead is skipped only where the full step would return the bits it already has. Outside
+//! the [`Activity`] window displacement and velocity are zero, every contact has its force at rest, which is
+//! subtracted in the form in which it was computed, and a kick or a drift adds exactly zero.
 
 mod moving;
 mod sweep;
@@ -67,11 +66,11 @@ impl Activity {
 pub(crate) struct Pushed<'a> {
     /// The window of active beads.
     pub(crate) beads: Range<usize>,
-    /// Force (N) beyond that at rest of the contact on the left of each, which pushes it to the right.
+    /// Force (N), beyond the force at rest, of the contact on the left of each bead, which pushes it to the right.
     pub(crate) left: &'a [f64],
-    /// The same of the contact on the right of each, which pushes it to the left.
+    /// Force (N), beyond the force at rest, of the contact on the right of each bead, which pushes it to the left.
     pub(crate) right: &'a [f64],
-    /// `1/m` (1/kg) of each.
+    /// `1/m` (1/kg) of each bead.
     pub(crate) inverse_mass: &'a [f64],
 }
 
@@ -89,10 +88,11 @@ pub struct Kernel {
     law: ContactLaw,
     inverse_mass: AVec<f64>,
     stiffness: AVec<f64>,
-    /// What presses the contacts together at rest, if anything does.
+    /// The static equilibrium, if the chain is loaded.
     rest: Option<Rest>,
     walls: Walls,
-    /// Where the walls are (m) at each evaluation of forces in a sweep; the last place is that of all further ones.
+    /// The places of the walls (m) at each evaluation of forces in a sweep; the last entry serves for all further
+    /// evaluations.
     walls_m: Vec<[f64; 2]>,
     /// The forces (N) of both walls at each evaluation of the last sweep.
     wall_forces_n: Vec<[f64; 2]>,
@@ -100,11 +100,12 @@ pub struct Kernel {
     sites: Sites,
     is_ring: bool,
     damped: Option<Damped>,
-    /// What evaluations of moving contacts need, N + 1 values each, or none.
+    /// Scratch space for the evaluation of moving contacts, N + 1 values each, or none.
     scratch: [Vec<f64>; 2],
-    /// Force (N) of contact `c` beyond that at rest at index `c + 1`; those of the walls at both ends.
+    /// Force (N), beyond the force at rest, of contact `c` at index `c + 1`; at both ends the forces of the walls.
     force: AVec<f64>,
-    /// Whether a contact of a block presses more than at rest; that of the last bead with its wall is in the last block.
+    /// True for each block in which a contact presses more than at rest. The contact of the last bead with its wall is
+    /// in the last block.
     presses: Vec<bool>,
     activity: Activity,
     /// Beads of a tile of a sweep.
@@ -117,7 +118,8 @@ impl Kernel {
         Self::with_arch(chain, Arch::new(), TILE)
     }
 
-    /// A kernel with a given instruction set that sweeps `tile` beads at a time; all of them give the same bits.
+    /// A kernel with a given instruction set that sweeps `tile` beads at a time; all instruction sets and tiles give
+    /// the same bits.
     pub(crate) fn with_arch(chain: &Chain, arch: Arch, tile: usize) -> Self {
         let rest = || Rest { overlap_m: chain.rest_overlap_m.clone(), force_n: chain.rest_force_n.clone() };
         Self {
@@ -141,21 +143,21 @@ impl Kernel {
         }
     }
 
-    /// Forgets the forces of before and takes `activity` as the beads that may not be at rest: in a ring, which has no ends for a
-    /// window, all of them.
+    /// Forgets the earlier forces and takes `activity` as the beads that may not be at rest. In a ring, which has no
+    /// ends for a window, takes all beads.
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
         self.activity = if self.is_ring { Activity { beads: 0..self.inverse_mass.len() } } else { activity };
     }
 
-    /// Puts the walls where they are now (m).
+    /// Puts the walls at these places (m).
     pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
         self.walls_m.clear();
         self.walls_m.push(walls_m);
     }
 
-    /// Puts the walls where they are (m) at each evaluation of forces in the next sweep.
+    /// Sets the places of the walls (m) at each evaluation of forces in the next sweep.
     pub(crate) fn move_walls_along(&mut self, walls_m: impl Iterator<Item = [f64; 2]>) {
         self.walls_m.clear();
         self.walls_m.extend(walls_m);
@@ -166,12 +168,12 @@ impl Kernel {
         &self.wall_forces_n
     }
 
-    /// Whether each bead depends on nothing but its two contacts, which is what sweeps by tiles need.
+    /// True if each bead depends on nothing but its two contacts, which sweeps by tiles need.
     pub(crate) fn is_local(&self) -> bool {
         self.sites.is_none() && !self.is_ring
     }
 
-    /// What acts on the beads beside their contacts.
+    /// The springs, drag and resonators that act on beads beside their contacts.
     pub(crate) fn sites(&self) -> &Sites {
         &self.sites
     }

@@ -1,7 +1,8 @@
 //! Pieces of a step: a step ends where a drive has a knot, and goes on there.
 //!
-//! What jumps within a step, or is over within it, would be seen at the moments of the stages only. So the step is made of several, each of
-//! the method's own kind and from one knot to the next. A state is still one of the grid of steps, and a function of the one before.
+//! A jump within a step, or an action that is over within it, would be seen at the moments of the stages only. So the
+//! step is made of several pieces, each of the method's own kind and from one knot to the next. A state is still one
+//! of the grid of steps, and a function of the one before.
 
 use crate::drives::When;
 use schemas::drive::{APART, Drive, knots_of};
@@ -9,7 +10,7 @@ use schemas::drive::{APART, Drive, knots_of};
 /// The places at which steps are divided.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Knots {
-    /// By step, and the time (s) after its beginning.
+    /// Knots: the step, and the time (s) after its beginning.
     knots: Vec<(u64, f64)>,
     dt_s: f64,
 }
@@ -18,17 +19,17 @@ pub(crate) struct Knots {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Piece {
     step: u64,
-    /// When it begins and ends (s after the beginning of the step).
+    /// Beginning and end of the piece (s after the beginning of the step).
     from_s: f64,
     to_s: f64,
-    /// True if it ends with the step.
+    /// True if the piece ends with the step.
     is_last: bool,
-    /// The distances (s) from its beginning and its end at which drives are asked what they do there: beside the knots.
+    /// The distances (s) from its beginning and its end at which the drives are evaluated: beside the knots.
     inward_s: [f64; 2],
 }
 
 impl Knots {
-    /// Those of `drives` in a run with steps of `dt_s`, for the dynamics `kernel_version`.
+    /// Makes the knots of `drives` in a run with steps of `dt_s`, for the dynamics `kernel_version`.
     pub(crate) fn of(drives: &[Drive], dt_s: f64, kernel_version: u32) -> Self {
         let knots = if kernel_version < 3 { Vec::new() } else { knots_of(drives, dt_s) };
         Self { knots, dt_s }
@@ -75,7 +76,7 @@ impl Piece {
         self.to_s - self.from_s
     }
 
-    /// True if it begins at a knot, where what drives do is not what they did before.
+    /// True if the piece begins at a knot, where drives act differently from before.
     pub(crate) fn begins_at_knot(&self) -> bool {
         self.inward_s[0] > 0.0
     }

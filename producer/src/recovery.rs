@@ -1,9 +1,9 @@
-//! Recovering a recording: everything in it that can be read and proven, in a new one, and the frames between
-//! recomputed.
+//! Recovers a recording: writes everything in it that can be read and proven to a new one, and recomputes the frames
+//! between.
 //!
-//! A run is determined by its manifest, so the states that are computed are the measure: a state of the file is kept if
-//! it is what they lead to. A file of another kernel version cannot be measured; its states are kept as they are if
-//! their checksums hold.
+//! A run is determined by its manifest, so the computed states are the measure: a state of the file is kept if it
+//! follows from them. A file of another kernel version cannot be measured; its states are kept as they are if their
+//! checksums hold.
 
 mod salvager;
 
@@ -17,11 +17,11 @@ use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use std::collections::BTreeMap;
 
-/// The differences and ranges that are kept; more are only counted.
+/// Largest number of differences and of ranges that are kept; more are only counted.
 pub const MOST_KEPT: usize = 20;
 
-/// A state takes at least as much in a file: its entry in a message index, and that of its summary. So no more of them
-/// were lost than that.
+/// Least size of a state in a file: its entry in a message index, and that of its summary. It bounds the number of
+/// lost states.
 const BYTES_OF_A_STATE: u64 = 32;
 
 /// Result of recovering a recording.
@@ -54,22 +54,22 @@ pub struct Recovery {
     pub damages: Vec<Damage>,
     /// Number of damages.
     pub damage_count: u64,
-    /// The run cannot be recomputed by this program.
+    /// The other kernel version, if this program cannot recompute the run.
     pub other_kernel: Option<OtherKernel>,
     /// Step of the last state that was written.
     pub last_step: Option<u64>,
     /// Why the new recording ends.
     pub end: EndReason,
-    /// The file said itself how it ended.
+    /// True if the end was read from the file.
     pub end_was_read: bool,
 }
 
 /// Messages of another channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct OtherCounts {
-    /// Written again.
+    /// Messages that were written again.
     pub kept: u64,
-    /// In the file, but damaged.
+    /// Messages in the file that are damaged.
     pub lost: u64,
 }
 
@@ -79,7 +79,7 @@ impl Recovery {
         self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
     }
 
-    /// True if the file has states, and none but that of step 0 is one that its manifest leads to.
+    /// True if the file has states, and its manifest leads to none of them but that of step 0.
     pub fn manifest_fits_no_state(&self) -> bool {
         self.other_kernel.is_none() && self.difference_count > 0 && self.kept_after_start_count == 0
     }
@@ -91,10 +91,10 @@ pub enum RecoveryError {
     /// The file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The new one cannot be written.
+    /// The new file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// We were asked to stop.
+    /// The caller asked to stop.
     #[error("stopped before everything was read")]
     Stopped,
 }

@@ -24,7 +24,7 @@ pub trait Conductor<P: FrameSink> {
 
 /// The manifest under which a recording is published: the run's, so that consumers see no difference.
 ///
-/// With another `name` it carries that one. With `every_step` each step is a frame, and has its own number.
+/// With `name`, the manifest carries that name. With `every_step` each step is a frame, and has its own number.
 pub fn published_manifest(recorded: &RunManifest, name: Option<RunName>, every_step: bool) -> RunManifest {
     let mut manifest = recorded.clone();
     if let Some(name) = name {
@@ -50,12 +50,12 @@ pub enum BeginError<E: std::error::Error + 'static> {
     /// Nothing was recorded in the window.
     #[error("there is no frame {}", span(.0))]
     NoFrame(Window),
-    /// We were asked to stop.
+    /// The caller asked to stop.
     #[error("stopped before the first frame")]
     Stopped,
 }
 
-/// A window in words; one that is open has no end.
+/// A window in words; an open window has no end.
 fn span(window: &Window) -> String {
     let Window { from_s, until_s } = window;
     if until_s.is_finite() {
@@ -81,14 +81,14 @@ pub enum Broken<E: std::error::Error + 'static> {
     /// The source failed.
     #[error(transparent)]
     Source(E),
-    /// Frames are missing; consumers would think that they had lost them.
+    /// Frames are missing; consumers would count them as lost.
     #[error(
         "the frames {from} to {to} are not in the recording; `beadline expand` recomputes what is missing"
     )]
     Missing {
-        /// The first.
+        /// The first missing frame.
         from: u64,
-        /// The last.
+        /// The last missing frame.
         to: u64,
     },
 }
@@ -99,7 +99,7 @@ pub struct ReplayOutcome<E: std::error::Error + 'static> {
     /// The end for consumers: the end of the recording; [`EndReason::Interrupted`] when the window ended
     /// before it or the conductor ended the replay; [`EndReason::Failed`] when it broke off.
     pub reason: EndReason,
-    /// It ended because no more was asked for: the window ended before the recording.
+    /// True if the window ended before the recording.
     pub ended_as_asked: bool,
     /// The first frame of the window.
     pub first_frame: u64,
@@ -107,13 +107,13 @@ pub struct ReplayOutcome<E: std::error::Error + 'static> {
     pub published_count: u64,
     /// Step of the last frame published.
     pub last_step: Option<u64>,
-    /// Why it broke off.
+    /// Reason why the replay broke off.
     pub broken: Option<Broken<E>>,
 }
 
 /// A source that stands at the first frame to be published.
 ///
-/// The source may lend steps between frames: they are passed over.
+/// The source may lend steps between frames; the replay passes over them.
 #[derive(Debug)]
 pub struct Replay<S> {
     source: S,
@@ -123,8 +123,8 @@ pub struct Replay<S> {
 }
 
 impl<S: FrameSource> Replay<S> {
-    /// Reads up to the first frame of `window`; `manifest`, from [`published_manifest`], says what is a frame.
-    /// `go_on` is asked after each state.
+    /// Reads up to the first frame of `window`. `manifest`, from [`published_manifest`], decides which steps are
+    /// frames. Asks `go_on` after each state.
     ///
     /// # Errors
     /// When there is no such frame, the source fails before it, or `go_on` breaks.
@@ -179,7 +179,7 @@ impl<S: FrameSource> Replay<S> {
     /// Publishes frame after frame. The publisher is not closed.
     ///
     /// # Errors
-    /// When the publisher refuses a frame. That the source breaks off is part of the outcome.
+    /// When the publisher refuses a frame. If the source breaks off, the outcome says so.
     pub fn play<P: FrameSink>(
         mut self,
         publisher: &mut P,

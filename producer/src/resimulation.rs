@@ -1,8 +1,8 @@
 //! Recomputes steps that a source does not hold: those between recorded states, the frames before one
 //! attached, the frames that were missed.
 //!
-//! A step is a pure function of the state before, so every state that a source does deliver is the
-//! beginning of all that follow, and the proof of all that were computed since the one before.
+//! A step is a pure function of the state before. So every state that a source delivers is the beginning of all that
+//! follow, and proves all states computed since the one before.
 
 mod parallel;
 
@@ -28,12 +28,12 @@ pub enum Lend {
 }
 
 impl Lend {
-    /// True if the state of `step` is one of these.
+    /// True if the state of `step` is one of them.
     fn includes(self, step: u64, manifest: &RunManifest) -> bool {
         self == Self::Steps || manifest.is_frame(step)
     }
 
-    /// The first of these states after `step`, or `last` if that comes before it.
+    /// The first of them after `step`, or `last` if that comes before it.
     fn next(self, step: u64, last: u64, manifest: &RunManifest) -> u64 {
         let next = match self {
             Self::Steps => step + 1,
@@ -53,7 +53,7 @@ impl Lend {
 pub struct Resimulation<S> {
     source: S,
     lend: Lend,
-    /// Nothing before this step is lent.
+    /// The first step that may be lent.
     first_step: u64,
     integrator: Integrator,
     /// The state lent last, none before the first.
@@ -65,16 +65,16 @@ pub struct Resimulation<S> {
     next: Next,
     /// The frames that were missed since the last state.
     missed: Option<(u64, u64)>,
-    /// Nothing is recomputed after the last state.
+    /// True if nothing is recomputed after the last state.
     ends_with_last_state: bool,
-    /// Ends it when it is set.
+    /// Ends the source when it is set.
     stop: Option<Arc<AtomicBool>>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Next {
     Unknown,
-    /// Frames that cannot be computed, or not be proven; then the end, if known.
+    /// Frames that cannot be computed or proven; then the end, if known.
     Missed {
         from: u64,
         to: u64,
@@ -114,7 +114,7 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A state that is not what the state before it leads to.
+/// A state that does not follow from the state before it.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error, Serialize)]
 #[error(
     "the {quantity} of bead {bead} at step {step} (frame {frame}) is {found:e}, but {from} leads to {computed:e} there: \
@@ -126,7 +126,7 @@ pub struct Difference {
     pub step: u64,
     /// Its frame, or the frame before it.
     pub frame: u64,
-    /// The step that it was computed from; none for the initial condition.
+    /// The step of the state from which it was computed; none for the initial condition.
     pub from_step: Option<u64>,
     /// The first bead that differs.
     pub bead: usize,
@@ -174,14 +174,14 @@ pub enum ResimulationError<E: std::error::Error + 'static> {
 pub struct OtherKernel {
     /// The kernel version of the run.
     pub found: u32,
-    /// The method and what it does not take any more, where the version is not the reason.
+    /// The method and the feature that it no longer supports, where the version is not the reason.
     retired: Option<(Method, Feature)>,
 }
 
 /// Refuses a run that was computed by another dynamics.
 ///
 /// # Errors
-/// When it has another kernel version, or a method with what this takes no more.
+/// When it has another kernel version, or a method with a feature that this program no longer supports.
 pub fn check_kernel(manifest: &RunManifest) -> Result<(), OtherKernel> {
     let physics = &manifest.physics;
     let (found, retired) = (physics.kernel_version, physics.retired());
@@ -235,14 +235,14 @@ impl<S: FrameSource> Resimulation<S> {
         Self { first_step, ..self }
     }
 
-    /// Computes nothing after the last state that the source delivers. For files: their claim about the end costs nothing
-    /// to make, and no state proves it.
+    /// Computes nothing after the last state that the source delivers. For files: a false claim about the end costs
+    /// nothing, and no state proves the claim.
     #[must_use]
     pub fn ending_with_the_last_state(self) -> Self {
         Self { ends_with_last_state: true, ..self }
     }
 
-    /// Ends with [`EndReason::Stopped`] once `stop` is set, also between two states, however far apart they are.
+    /// Ends with [`EndReason::Stopped`] once `stop` is set, also between two states that are far apart.
     #[must_use]
     pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
         Self { stop: Some(stop), ..self }
@@ -253,7 +253,7 @@ impl<S: FrameSource> Resimulation<S> {
         &self.source
     }
 
-    /// The step of the last state of the source up to which everything lent is proven.
+    /// Step of the last state of the source; everything lent up to it is proven.
     pub fn proven_step(&self) -> Option<u64> {
         self.proven
     }
@@ -292,7 +292,7 @@ impl<S: FrameSource> Resimulation<S> {
         }
     }
 
-    /// Takes the state that the source delivered as proven, unless something was found.
+    /// Takes the state that the source delivered as proven, unless there is a difference.
     fn prove(&mut self, found: Option<Difference>) -> Result<(), ResimulationError<S::Error>> {
         self.proven = Some(self.target.step);
         // what comes after a state that is wrong is not trusted
@@ -300,7 +300,7 @@ impl<S: FrameSource> Resimulation<S> {
         found.map_or(Ok(()), |difference| Err(ResimulationError::Differs(difference)))
     }
 
-    /// True if the state that was reached is to be lent.
+    /// True if the present state is to be lent.
     fn is_lent(&self) -> bool {
         let step = self.state.as_ref().map_or(0, |state| state.step);
         step >= self.first_step && self.lend.includes(step, self.source.manifest())
@@ -369,7 +369,7 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
     }
 }
 
-/// True if no bit differs. Looks at all of them, which is done with vectors and faster than looking for the first one.
+/// True if no bit differs. Compares all values: with vectors this is faster than a search for the first difference.
 fn is_same(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).fold(
         0,
@@ -378,7 +378,7 @@ fn is_same(a: &[f64], b: &[f64]) -> bool {
     ) == 0
 }
 
-/// The first double in which `found` is not the state `computed` from that of `from_step`.
+/// The first double of `found` that differs from `computed`, a state computed from that of `from_step`.
 pub fn difference(computed: &ChainState, found: &Frame<'_>, from_step: Option<u64>) -> Option<Difference> {
     let beads = computed.u_m.len();
     let arrays = [(&computed.u_m, found.u_m), (&computed.v_m_s, found.v_m_s), (&computed.extra, found.extra)];

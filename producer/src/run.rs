@@ -8,7 +8,7 @@ use schemas::manifest::{Physics, RunManifest};
 use schemas::summary::Drift;
 use std::ops::ControlFlow;
 
-/// How a run went.
+/// Result of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunOutcome {
     /// [`EndReason::Complete`] or, when the conductor ended it early, [`EndReason::Interrupted`].
@@ -21,7 +21,8 @@ pub struct RunOutcome {
     pub last_step: u64,
     /// ΔE/E of the last state ([`Drift`]).
     pub relative_drift: f64,
-    /// From when on the last places of its numbers decide where beads are, where the conductor watches for that.
+    /// The time from which on the last places of the run's numbers decide where beads are, if the conductor watches
+    /// for it.
     pub lost: Option<Lost>,
 }
 
@@ -33,7 +34,7 @@ pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static
     Publish {
         /// The frame.
         frame: u64,
-        /// What the publisher said.
+        /// The publisher's error.
         source: P,
     },
     /// The recorder refused a frame.
@@ -41,7 +42,7 @@ pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static
     Record {
         /// The frame.
         frame: u64,
-        /// What the recorder said.
+        /// The recorder's error.
         source: R,
     },
     /// The dynamics left the range of doubles.
@@ -61,7 +62,7 @@ pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static
     },
 }
 
-/// What a run does between frames and steps: progress, pacing, a request to stop.
+/// A conductor acts between frames and steps of a run: progress, pacing, a request to stop.
 pub trait Conductor<P: FrameSink, R> {
     /// Called after each frame has been published (and recorded, if it was due); may take its time.
     /// `Break` ends the run early, with this frame as its last.
@@ -83,7 +84,7 @@ pub trait Conductor<P: FrameSink, R> {
         false
     }
 
-    /// Whether the publisher refused a frame because the run is to end, which is no error.
+    /// True if the publisher refused a frame because the run is to end, which is no error.
     fn is_stop(&self, _error: &P::Error) -> bool {
         false
     }
@@ -120,7 +121,7 @@ pub fn resume<P: FrameSink, R: FrameSink>(
     simulate(manifest, state, false, publisher, recorder, conductor)
 }
 
-/// The run from `state` on, which is the first frame if it is `fresh`, else the one before.
+/// Simulates the run from `state` on. `state` is the first frame if it is `fresh`, else the frame before.
 fn simulate<P: FrameSink, R: FrameSink>(
     manifest: &RunManifest,
     mut state: ChainState,
@@ -195,7 +196,7 @@ fn drift(physics: &Physics, state: &ChainState) -> f64 {
     Drift::new(physics, &chain).of(kept_j, physics.driven_j(&state.extra), &state.v_m_s)
 }
 
-/// The recorder, if there is one, and what it has.
+/// The recorder, if there is one, and its progress.
 struct Recording<'a, R> {
     recorder: Option<&'a mut R>,
     count: u64,
@@ -216,7 +217,7 @@ impl<R: FrameSink> Recording<'_, R> {
     }
 }
 
-/// Advances `state` to `step`, asking `between` on the way whether to go on.
+/// Advances `state` to `step`; on the way `between` decides to go on or to end.
 fn advance<P: std::error::Error, R: std::error::Error>(
     integrator: &mut Integrator,
     growth: &mut Option<Growth>,
@@ -393,8 +394,8 @@ mod tests {
         assert_eq!((outcome.reason, outcome.last_step), (EndReason::Complete, 15));
     }
 
-    /// Stopped before its first new frame, it ends with the frame that it began with: recorded, unless it was
-    /// recorded before.
+    /// A run that is stopped before its first new frame ends with the frame that it began with, which is recorded
+    /// unless it was recorded before.
     #[test]
     fn a_resumed_run_that_is_stopped_at_once_ends_where_it_began() {
         for (number, expected) in [(2, vec![4]), (3, vec![])] {

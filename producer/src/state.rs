@@ -5,23 +5,25 @@ use aligned_vec::AVec;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
-/// Everything that the next step depends on.
+/// The state on which the next step depends.
 ///
-/// Its arrays begin at a cache line: vectors of numbers that lie across two take longer to fetch, a sixth of a step.
+/// Its arrays begin at a cache line: vectors of numbers that lie across two lines take longer to fetch, a sixth of a
+/// step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainState {
     /// Displacements (m), N values.
     pub u_m: AVec<f64>,
     /// Velocities (m/s), N values.
     pub v_m_s: AVec<f64>,
-    /// What else the method carries from step to step, `E·N` values: see [`Physics::extra_per_bead`](schemas::manifest::Physics::extra_per_bead).
+    /// Further values that the method carries from step to step, `E·N` values: see
+    /// [`Physics::extra_per_bead`](schemas::manifest::Physics::extra_per_bead).
     pub extra: AVec<f64>,
     /// Number of the step.
     pub step: u64,
 }
 
 impl ChainState {
-    /// The state that `frame` shows: a run goes on from it with the bits that it had.
+    /// The state of `frame`: a run goes on from it with the bits that it had.
     pub fn of_frame(frame: &Frame<'_>) -> Self {
         Self {
             u_m: aligned(frame.u_m),
@@ -31,7 +33,7 @@ impl ChainState {
         }
     }
 
-    /// Makes this the state that `frame`, one of the same run, shows.
+    /// Makes this the state of `frame`, which is a frame of the same run.
     ///
     /// # Panics
     /// When the frame has another number of beads, as no frame of the same run has.

@@ -1,4 +1,4 @@
-//! How long a step takes, found by making some.
+//! Time of a step, measured on some steps.
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
@@ -6,7 +6,7 @@ use schemas::manifest::Physics;
 use std::time::{Duration, Instant};
 
 /// The time (s) of a step of `physics` with every bead in motion and a third of the contacts closed, `together` steps
-/// made at a time: steps are made for about the time `budget`, one at least.
+/// made at a time. Makes steps for about the time `budget`, one at least.
 pub fn step_time_s(physics: &Physics, together: u64, budget: Duration) -> f64 {
     let scales = physics.scales();
     let (mut u_m, mut v_m_s) = physics.initial_state();

@@ -30,7 +30,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Most points of one sweep: a bit for each is in memory.
+/// Most points of one sweep: memory holds a bit for each.
 pub const MAX_POINTS: u64 = 10_000_000;
 
 /// Time between two analysed frames as a fraction of the collision time T, unless the base says
@@ -40,25 +40,25 @@ pub const FRAME_INTERVAL: f64 = 0.1;
 /// Steps between two recorded frames, unless the base says otherwise.
 const RECORD_EVERY_STEPS: u64 = 100;
 
-/// The demands of a sweep on those who complete its configurations and look at its runs.
+/// Functions that complete the configurations of a sweep and check its measures.
 #[derive(Debug, Clone, Copy)]
 pub struct Hooks {
-    /// Makes a configuration complete whose parts are elsewhere, such as tables in files beside the given directory.
+    /// Completes a configuration with parts from elsewhere, such as tables in files beside the given directory.
     pub prepare: fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>,
-    /// The whole name of a column that `measure` names. What is no column of an analysis, or none of the given run, is refused
-    /// with what is allowed.
+    /// The whole name of a column that `measure` names. Refuses a name that is no column of an analysis, or none of
+    /// the given run, with the allowed ones.
     pub measure: fn(&str, Option<&RunManifest>) -> Result<String, String>,
 }
 
 impl Hooks {
-    /// Configurations that are complete, and no analyses.
+    /// Hooks for complete configurations, without analyses.
     pub const NONE: Self = Self {
         prepare: |config, _| Ok(config),
         measure: |_, _| Err("nothing looks at these runs".to_owned()),
     };
 }
 
-/// A sweep file, each of whose points is computed from its index; those that are checked are possible runs.
+/// A sweep file. Each of its points is computed from its index; the checked points are possible runs.
 #[derive(Debug)]
 pub struct Sweep {
     text: String,
@@ -74,11 +74,11 @@ pub struct Sweep {
 pub struct Parameter {
     /// The key, such as `chain.alpha`.
     pub key: String,
-    /// What its values are.
+    /// Kind of its values.
     pub kind: ParameterKind,
 }
 
-/// What all values of a parameter are.
+/// Kind of all values of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParameterKind {
     /// Whole numbers from 0.
@@ -103,13 +103,13 @@ pub enum ParameterValue {
 /// One run of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Which point, from 0.
+    /// Number of the point, from 0.
     pub index: u64,
     /// The values in the order of [`Sweep::parameters`]; none where the point does not set the key.
     pub parameters: Vec<Option<ParameterValue>>,
     /// Its configuration, with the intervals of frames filled in.
     pub config: RunConfig,
-    /// What that leads to.
+    /// The physics of that configuration.
     pub physics: Physics,
 }
 
@@ -124,7 +124,7 @@ pub enum SweepError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// More points than [`MAX_POINTS`].
@@ -135,15 +135,15 @@ pub enum SweepError {
     TooMany {
         /// The sweep file.
         path: PathBuf,
-        /// Points.
+        /// Number of points.
         found: u64,
     },
 }
 
 impl Sweep {
-    /// Reads a sweep file, and the configuration that it begins with, and checks its points, each of which `hooks`
-    /// complete from the directory of the sweep file. Of more than [`MOST_CHECKED`] points some are checked, among them
-    /// those that have each value of a list.
+    /// Reads a sweep file and the configuration that it begins with, and checks its points. `hooks` complete each
+    /// point from the directory of the sweep file. If there are more than [`MOST_CHECKED`] points, some are checked,
+    /// among them those that have each value of a list.
     ///
     /// # Errors
     /// When a file cannot be read, when something in it is impossible (with the file, the line and the key),
@@ -184,18 +184,18 @@ impl Sweep {
         Ok(sweep)
     }
 
-    /// The sweep file as it is written.
+    /// Text of the sweep file.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Where it was read.
+    /// Path of the sweep file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// SHA-256 of everything that decides the results: the base, what varies, when points end, and the physics of the points
-    /// that are checked, which has the contents of files in it. Comments, layout and `record` are not in it.
+    /// SHA-256 of everything that decides the results: the base, the varied values, the end of points, and the physics
+    /// of the checked points, which includes the contents of files. Comments, layout and `record` do not count.
     pub fn identity(&self) -> [u8; 32] {
         self.identity
     }
@@ -205,17 +205,17 @@ impl Sweep {
         &self.parameters
     }
 
-    /// When points end.
+    /// End of points.
     pub fn until(&self) -> Until {
         self.definition.until
     }
 
-    /// Whether points are to be recorded.
+    /// True if points are to be recorded.
     pub fn record(&self) -> bool {
         self.definition.record
     }
 
-    /// Whether each row tells until when its run is determined.
+    /// True if each row tells the time until which its run is determined.
     pub fn check(&self) -> bool {
         self.definition.check
     }
@@ -240,7 +240,8 @@ impl Sweep {
     /// Point `index`. The last key of the grid varies fastest, then the sample, the cases slowest.
     ///
     /// # Errors
-    /// When there is no such point, or its values are impossible: the latter only where it was not checked.
+    /// When there is no such point, or its values are impossible. The latter happens only for points that were not
+    /// checked.
     pub fn point(&self, index: u64) -> Result<Point, ConfigError> {
         let settings = self.settings(index)?;
         let mut document = self.definition.base.clone();
@@ -268,7 +269,7 @@ impl Sweep {
         Ok(self.parameters.iter().map(|parameter| parameter.of(&settings)).collect())
     }
 
-    /// What the configuration `document` of a point leads to.
+    /// The configuration and the physics of the `document` of a point.
     fn resolved(&self, document: &Table) -> Result<(RunConfig, Physics), ConfigError> {
         let config = (self.hooks.prepare)(RunConfig::from_table(document)?, self.path.parent())?;
         let physics = Physics::resolve(&config)?;
@@ -368,7 +369,7 @@ fn kind(value: &Value) -> ParameterKind {
     }
 }
 
-/// `config`, which leads to `physics`, with the intervals of frames that `document`, which it was read from, leaves open.
+/// `config`, which leads to `physics`, completed by the intervals of frames that its `document` leaves open.
 fn with_intervals(mut config: RunConfig, document: &Table, physics: &Physics) -> RunConfig {
     let is_written = |key| document.get("stream").and_then(|stream| stream.get(key)).is_some();
     let record_written = is_written("record_every_steps");

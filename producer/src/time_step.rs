@@ -9,36 +9,36 @@ use schemas::manifest::Physics;
 use schemas::method::Method;
 use schemas::power::power;
 
-/// Pilot runs at most.
+/// Most pilot runs of a search.
 const MOST_PILOTS: u32 = 10;
 
 /// Work of one pilot run at most, in force evaluations of one bead: some seconds.
 const MOST_WORK: f64 = 2e9;
 
-/// A pilot run that is cut short must still be this many collision times long, or it says nothing: the first
-/// collisions make the largest errors.
+/// Shortest pilot run, in collision times, that counts if it is cut short: the first collisions make the largest
+/// errors.
 const SHORTEST_PILOT_T: f64 = 10.0;
 
-/// An accepted error below the tolerance by this factor is worth a try of a longer step.
+/// Factor by which an accepted error must be below the tolerance to make a longer step worth a try.
 const WASTEFUL: f64 = 10.0;
 
-/// How much the error of one run may differ from another's by where in a step its contacts open.
+/// Factor by which the errors of two runs may differ because contacts open at different places of a step.
 const LUCK: f64 = 3.0;
 
-/// Told of the pilot runs.
+/// Receives the progress of the pilot runs.
 pub trait Progress {
     /// A run of so many steps of this length (s) begins.
     fn trying(&mut self, dt_s: f64, steps: u64);
-    /// It has come to this step.
+    /// The run has come to this step.
     fn at(&mut self, step: u64);
-    /// It has ended.
+    /// The run has ended.
     fn tried(&mut self, pilot: &Pilot);
 }
 
-/// Finds the step for `config`, whatever step that has: that of the pilot run which is returned.
+/// Finds the step for `config`, whose own step does not matter. Returns the pilot run with that step.
 ///
 /// # Errors
-/// When this is no run, or when no step keeps to the tolerance.
+/// When `config` is no run, or when no step keeps to the tolerance.
 pub fn choose(config: &RunConfig, tolerance: f64, progress: &mut dyn Progress) -> Result<Pilot, Refusal> {
     let with_step = |dt_s: Option<f64>| {
         let mut config = config.clone();
@@ -60,25 +60,25 @@ pub fn choose(config: &RunConfig, tolerance: f64, progress: &mut dyn Progress) -
     })
 }
 
-/// How the error falls with the step: where contacts open like dt^(α+1) at best, with damping that goes with δ^p
-/// like dt^(p+1).
+/// Order at which the error falls with the step: that of the method, but at most α + 1, because contacts open, and at
+/// most p + 1 with damping by δ^p.
 pub fn order(physics: &Physics) -> f64 {
     let by_contacts = f64::from(physics.method.order()).min(physics.smallest_alpha() + 1.0);
     physics.damping.map_or(by_contacts, |damping| by_contacts.min(damping.exponent(physics.alpha) + 1.0))
 }
 
-/// What a pilot run found.
+/// Result of a pilot run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pilot {
     /// Its step (s).
     pub dt_s: f64,
-    /// The steps that the whole run has with it.
+    /// Number of steps of the whole run with this step.
     pub step_count: u64,
-    /// max|ΔE/E|, infinite where the run went astray.
+    /// max|ΔE/E|, infinite where the run left the range of doubles.
     pub error: f64,
     /// The part of the run that was made.
     fraction: f64,
-    /// Whether that was long enough to say something.
+    /// True if that part was long enough to count.
     is_telling: bool,
 }
 
@@ -87,7 +87,7 @@ impl Pilot {
         format!("the best that was found is max|ΔE/E| = {:.1e} at dt = {:e} s", self.error, self.dt_s)
     }
 
-    /// How much of the run was made, in words.
+    /// The part of the run that was made, in words.
     pub fn extent(self) -> String {
         if self.fraction < 1.0 {
             format!("in the first {:.2} % of the run", 100.0 * self.fraction)
@@ -129,7 +129,7 @@ fn whole(value: f64) -> u64 {
     whole
 }
 
-/// Why there is no step for a tolerance.
+/// Reason why there is no step for a tolerance.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
     /// Not a run.
@@ -141,9 +141,9 @@ pub enum Refusal {
         .best.as_best(), 10.0 * .best.error
     )]
     Rounding {
-        /// What was asked for.
+        /// The requested tolerance.
         tolerance: f64,
-        /// The best that was found.
+        /// The best run found.
         best: Pilot,
     },
     /// The steps that would help are too many to try.
@@ -153,16 +153,16 @@ pub enum Refusal {
         .best.as_best()
     )]
     TooMany {
-        /// What was asked for.
+        /// The requested tolerance.
         tolerance: f64,
-        /// Which method the steps are of.
+        /// The method of the steps.
         method: Method,
-        /// The best that was found.
+        /// The best run found.
         best: Pilot,
     },
 }
 
-/// A search for the longest step whose error is within a tolerance, to within what is worth a further run.
+/// A search for the longest step whose error is within a tolerance, as closely as a further run is worth.
 #[derive(Debug, Clone, Copy)]
 struct Search {
     tolerance: f64,
@@ -221,7 +221,7 @@ impl Search {
         Refusal::TooMany { tolerance: self.tolerance, method: self.method, best }
     }
 
-    /// By how much to change a step with this error, to come to half the tolerance.
+    /// Factor by which to change a step with this error, to come to half the tolerance.
     fn factor(self, error: f64) -> f64 {
         if error.is_infinite() {
             return 0.25;
@@ -230,7 +230,7 @@ impl Search {
         power(ratio, 1.0 / self.order).clamp(1.0 / 32.0, 8.0)
     }
 
-    /// Whether a much shorter step gains less than by half of the order, luck aside: then the error is not that
+    /// True if a much shorter step gains less than half of the order promises, luck aside: then the error is not that
     /// of the method.
     fn is_rounding(self, before: Pilot, tried: Pilot) -> bool {
         let shorter = before.dt_s / tried.dt_s;

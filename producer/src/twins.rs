@@ -1,18 +1,18 @@
 //! Twins of a run: they differ from it by as much as its step and its rounding decide.
 //!
-//! The energy of a symplectic method stays where it is while the motion itself goes wrong, so its drift says nothing
-//! about that. Three more runs do:
+//! The energy of a symplectic method stays constant while the motion itself goes wrong, so its drift does not show
+//! that. Three more runs do:
 //!
 //! - the *halved* twin makes two steps of `dt/2` for each step of the run, and the *quartered* twin four of `dt/4`;
 //! - the *moved* twin has the same step, and each velocity that is not zero at step 0 moved by one unit in its last
 //!   place, away from zero.
 //!
-//! A bead that rests stays at rest exactly: no rounding ever moves it before the shock arrives, and one unit in
-//! the last place of 0 is `2^-1074`. So it rests in the moved twin, too. (Moved by `2^-52·v0` it would drift apart
-//! from its neighbours before the shock arrives, a disturbance that no computation of this run has.) In a loaded chain
+//! A bead that rests stays at rest exactly: no rounding ever moves it before the shock arrives, and one unit in the
+//! last place of 0 is `2^-1074`. So it rests in the moved twin, too. (Moved by `2^-52·v0` it would drift apart from
+//! its neighbours before the shock arrives, a disturbance that no computation of this run has.) In a loaded chain
 //! overlaps are rounded relative to those at rest, however weak the kick is; there the unit is that of `L/T` of the
-//! load, where this is the larger one. Where nothing moves at first, because drives set the chain in motion, it is the beads that they move
-//! first that begin with one unit in the last place of `L/T`.
+//! load, where this is the larger one. If nothing moves at first, because drives set the chain in motion, the beads
+//! that the drives move first begin with one unit in the last place of `L/T`.
 
 use crate::integrator::Integrator;
 use crate::state::ChainState;
@@ -51,7 +51,7 @@ pub struct Together<'a> {
      choose a smaller dt"
 )]
 pub struct NonFinite {
-    /// The run, or which of its twins.
+    /// The run, or the name of the twin.
     pub which: &'static str,
     /// The step of the run that was to be reached.
     pub step: u64,
@@ -106,7 +106,7 @@ impl Twins {
             .try_for_each(|sibling| sibling.advance_to(step))
     }
 
-    /// Where they are.
+    /// The states of all four at the present step.
     pub fn together(&self) -> Together<'_> {
         let step = self.run.state.step;
         let time_s = self.physics.time_s(step);
@@ -157,7 +157,7 @@ fn moved(v: f64, least: f64) -> f64 {
     if v == 0.0 { v } else { v + (size.next_up() - size).copysign(v) }
 }
 
-/// By how much the moved twin of `physics` differs from the run at step 0 (m/s).
+/// Difference of the moved twin of `physics` from the run at step 0 (m/s).
 pub fn moved_by_m_s(physics: &Physics) -> f64 {
     let (v, load_m_s) = (physics.striker.velocity_m_s, load_speed_m_s(physics));
     let v = if v == 0.0 { physics.scales().speed_m_s() } else { v };

@@ -1,8 +1,8 @@
 //! Proves a recording: every state must follow from the state before it, every summary must match its state, and every
 //! other record the rest of the file.
 //!
-//! The file is read once, in order; its states are handed as they are, in batches, to threads that decode them and
-//! recompute the steps between. Memory is bounded by a few batches and two chunks.
+//! The file is read once, in order. Threads receive its encoded states in batches, decode them and recompute the steps
+//! between. Memory is bounded by a few batches and two chunks.
 
 mod batches;
 mod parts;
@@ -28,13 +28,13 @@ use std::sync::{Arc, Mutex};
 /// A batch covers at least this many steps, unless it has [`BATCH_BYTES`].
 const BATCH_STEPS: u64 = 256;
 
-/// A batch with this many bytes is full.
+/// Size of a full batch (bytes).
 const BATCH_BYTES: usize = 1 << 20;
 
-/// Batches that wait for a thread.
+/// Most batches that wait for a thread.
 const MOST_WAITING: usize = 4;
 
-/// The differences that are kept; more are only counted.
+/// Largest number of differences that are kept; more are only counted.
 pub const MOST_DIFFERENCES: usize = 20;
 
 /// Result of verifying a recording.
@@ -50,17 +50,17 @@ pub struct Verification {
     pub last: Option<ChainState>,
     /// Hash of the last state, as in `beadline.end`.
     pub last_state_hash: Option<String>,
-    /// The dynamics that computed the run is not this program's, so that no step could be recomputed.
+    /// The other dynamics that computed the run, if no step could be recomputed for that reason.
     pub other_kernel: Option<OtherKernel>,
     /// Summaries that were compared with their states.
     pub summary_count: u64,
-    /// Rows of results, by topic; they are in order, and the frames of the run. Their values were not looked at.
+    /// Rows of results, by topic. They are in order and belong to frames of the run; their values were not checked.
     pub rows: BTreeMap<String, RowsFound>,
     /// Messages of other channels by topic, which are not checked.
     pub foreign: BTreeMap<String, u64>,
     /// The configuration as the user gave it, if it is there.
     pub run_toml: Option<String>,
-    /// There is a summary section; it was compared with the rest of the file.
+    /// True if there is a summary section; it was compared with the rest of the file.
     pub has_summary_section: bool,
     /// States that do not follow from the one before; the first ones, in order.
     pub differences: Vec<Difference>,
@@ -74,9 +74,9 @@ pub struct Verification {
     pub damages: Vec<Damage>,
     /// Number of damages.
     pub damage_count: u64,
-    /// The hash that the end of the file names, if it is not that of the last state.
+    /// The hash that the end of the file names, if it is not the hash of the last state.
     pub wrong_end_hash: Option<String>,
-    /// Frames that should be there but are not, from and up to; the first ranges.
+    /// Missing frames, from and up to; the first ranges.
     pub missing: Vec<(u64, u64)>,
     /// Number of missing ranges.
     pub missing_count: u64,
@@ -86,7 +86,7 @@ pub struct Verification {
     pub end_record: Option<EndRecord>,
     /// Why the states end.
     pub end: EndReason,
-    /// It was asked to stop: states after this step are unchecked.
+    /// The step after which states are unchecked, if the verification was asked to stop.
     pub stopped_after: Option<u64>,
 }
 
@@ -118,8 +118,9 @@ impl Verification {
     }
 }
 
-/// Verifies the recording `audit` with `threads` threads that recompute, or as many as the system grants, beside this one that
-/// reads; without any this one does both. `watch` sees the step of each state that was read; `stop` ends it early.
+/// Verifies the recording `audit` with `threads` threads that recompute, or as many as the system grants, beside this
+/// one that reads. Without any, this thread does both. `watch` sees the step of each state that was read; `stop` ends
+/// the verification early.
 ///
 /// # Errors
 /// When the operating system refuses, or the recording holds no states.
@@ -172,7 +173,7 @@ struct Read {
     summary_count: u64,
     first: Option<ChainState>,
     last: Option<ChainState>,
-    /// The first state, if it is not the manifest's.
+    /// Difference of the first state from the manifest's initial condition, if there is one.
     initial: Option<Difference>,
     stopped: bool,
 }
@@ -225,8 +226,8 @@ pub(crate) fn hash_of(state: &ChainState) -> String {
     state_hash(state.step, &[state.u_m.as_slice(), &state.v_m_s, &state.extra].concat())
 }
 
-/// Reads all states and hands them out in batches, of which each begins with the last state of the one before; those that
-/// come back are used again.
+/// Reads all states and hands them out in batches, each of which begins with the last state of the one before. Batches
+/// that come back are used again.
 fn read(
     audit: &mut Audit,
     manifest: &RunManifest,

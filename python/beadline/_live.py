@@ -211,7 +211,7 @@ class Consumer:
     """
 
     def __init__(
-        self, function: Callable[[Any], Row], columns: Iterable[str], name: str | None
+        self, function: Callable[..., Any], columns: Iterable[str], name: str | None
     ) -> None:
         self.function = function
         self.columns = [columns] if isinstance(columns, str) else list(columns)
@@ -225,7 +225,8 @@ class Consumer:
         return self.__qualname__
 
     def __call__(self, frame: Frame | State) -> Row:
-        return self.function(frame)
+        row: Row = self.function(frame)
+        return row
 
     def follow(
         self,
@@ -353,7 +354,8 @@ class Analysis(Consumer):
         if hasattr(made, "send"):
             next(made)
             made = made.send
-        return made if callable(made) else made.frame
+        of: Callable[[Any], Row] = made if callable(made) else made.frame
+        return of
 
     def _begin_native(self, manifest: _native.Manifest) -> Callable[..., list[float]]:
         from ._recording import State

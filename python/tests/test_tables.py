@@ -51,7 +51,7 @@ def has_bits(table: _table.Table, texts: dict[str, list[str]]) -> bool:
 
 
 def test_energies_are_those_of_the_command(rec: bl.Recording, tmp_path: Path) -> None:
-    energies = _table.energies(rec, split=30)
+    energies = rec.energies(split=30)
     command("energies", rec.path, "--split", 30, "--out", tmp_path / "e.csv")
     assert has_bits(energies, written(tmp_path / "e.csv"))
     assert len(energies) == len(rec.recorded_steps)
@@ -62,36 +62,36 @@ def test_energies_are_those_of_the_command(rec: bl.Recording, tmp_path: Path) ->
 
 
 def test_the_summary_has_the_reflected_energy_of_the_table(rec: bl.Recording) -> None:
-    energies = _table.energies(rec)
+    energies = rec.energies()
     reflection = energies.summary["results"]["reflection"]["energies"]
     at = energies["frame"].tolist().index(reflection["at"]["frame"])
     assert energies["left_j"][at] == reflection["reflected_j"]
 
 
 def test_a_run_in_memory_has_the_same_results(rec: bl.Recording) -> None:
-    in_memory = _table.energies(RUN.simulate(every=20))
-    in_file = _table.energies(rec)
+    in_memory = RUN.energies(.simulate(every=20))
+    in_file = rec.energies()
     assert all(in_memory[name].tobytes() == in_file[name].tobytes() for name in in_file)
 
 
 def test_every_step_of_a_part_can_be_analysed(rec: bl.Recording) -> None:
-    part = _table.energies(rec, every_step=True, from_s=2e-3, until_s=2.1e-3, jobs=1)
+    part = rec.energies(every_step=True, from_s=2e-3, until_s=2.1e-3, jobs=1)
     assert np.diff(part["step"]).tolist() == [1] * (len(part) - 1)
     assert 2e-3 <= part["time_s"][0] and part["time_s"][-1] <= 2.1e-3
 
 
 def test_the_motion_of_the_impurity_has_events(rec: bl.Recording, tmp_path: Path) -> None:
-    motion = _table.impurity(rec)
+    motion = rec.impurity()
     paths = [tmp_path / "motion.csv", tmp_path / "events.csv"]
     command("impurity", rec.path, "--out", paths[0], "--events", paths[1])
     assert has_bits(motion, written(paths[0])) and has_bits(motion.events, written(paths[1]))
     assert motion["v_40_m_s"].tobytes() == rec.velocity[motion["step"], 40].tobytes()
     assert motion.events["event"][:2].tolist() == ["left-closes", "right-closes"]
-    assert "v_7_m_s" in _table.impurity(rec, bead=[7, 9])
+    assert "v_7_m_s" in rec.impurity(bead=[7, 9])
 
 
 def test_contacts_are_counted_and_missing_ones_are_nan(rec: bl.Recording) -> None:
-    contacts = _table.contacts(rec, tolerance_m=0.0)
+    contacts = rec.contacts(tolerance_m=0.0)
     counts = np.sum([contacts[f"{kind}_count"] for kind in ("compressed", "touching", "open")], axis=0)
     assert set(counts.tolist()) == {119}
     first = contacts["first_compressed_contact"]
@@ -99,7 +99,7 @@ def test_contacts_are_counted_and_missing_ones_are_nan(rec: bl.Recording) -> Non
 
 
 def test_pulses_have_tracks(rec: bl.Recording) -> None:
-    pulses = _table.pulses(rec, threshold=0.01)
+    pulses = rec.pulses(threshold=0.01)
     assert pulses["direction"][0] == "forward"
     # a pulse has a row for each bead that it passes
     tracks = pulses.positions["pulse"].tolist()
@@ -107,7 +107,7 @@ def test_pulses_have_tracks(rec: bl.Recording) -> None:
 
 
 def test_the_deformation_of_several_contacts_is_one_table(rec: bl.Recording) -> None:
-    deformation = _table.deformation(rec, [60, 90], every_step=True)
+    deformation = rec.deformation([60, 90], every_step=True)
     assert sorted(set(deformation["contact"].tolist())) == [60, 90]
     peak_m = deformation.summary["results"]["contacts"][0]["first_pulse"]["overlap_peak_m"]
     is_of_60: npt.NDArray[np.bool_] = np.equal(deformation["contact"], 60)
@@ -169,7 +169,7 @@ def test_what_is_missing_of_a_recording_is_told(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     cut = bl.open(path)
     with pytest.warns(RuntimeWarning, match="not finished, or is damaged"):
-        energies = _table.energies(cut)
+        energies = cut.energies()
     assert 0 < len(energies) < states
     assert not _files.verify(cut)
 
@@ -179,13 +179,13 @@ def test_a_file_that_is_no_recording_any_more_is_an_error_of_that_file(tmp_path:
     rec = RUN.record(path, every=100)
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(bl.RecordingError, match="not a Beadline recording") as caught:
-        _table.energies(rec)
+        rec.energies()
     assert caught.value.path == str(path)
 
 
 def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> None:
     with pytest.raises(bl.CommandError, match="^split: found 500; the chain has beads 0 to 119$") as caught:
-        _table.energies(rec, split=500)
+        rec.energies(split=500)
     assert (caught.value.exit_code, caught.value.key) == (2, "split") and isinstance(caught.value, ValueError)
     for said, ask in {
         "split: found -1; expected a whole number, 0 or more": lambda: rec.energies(split=-1),
@@ -215,7 +215,7 @@ def test_a_page_does_not_replace_another(rec: bl.Recording, tmp_path: Path) -> N
 
 @pytest.mark.extras
 def test_tables_become_those_of_others(rec: bl.Recording) -> None:
-    events = _table.impurity(rec).events
+    events = rec.impurity().events
     rows = events.to_numpy()
     assert rows.dtype.names == ("time_s", "bead", "event", "u_m") and rows[0]["bead"] == 40
     for frame in (events.to_pandas(), events.to_polars(), events.to_arrow()):
@@ -233,7 +233,7 @@ def test_what_a_table_does_not_have_is_told(rec: bl.Recording) -> None:
 
 
 def test_tables_show_themselves_and_travel(rec: bl.Recording) -> None:
-    motion = _table.impurity(rec)
+    motion = rec.impurity()
     assert repr(motion).startswith(f"<Motion of {len(motion)} rows: frame, step, time_s")
     page = motion._repr_html_()
     assert page.count("<tr>") == 12 and "<th>v_40_m_s</th>" in page
@@ -258,7 +258,7 @@ def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
 threading.Thread(target=interrupt, daemon=True).start()
 try:
-    _table.energies(rec, every_step=True, jobs=1)
+    rec.energies(every_step=True, jobs=1)
 except KeyboardInterrupt:
     children = Path("/proc/self/task", str(os.getpid()), "children").read_text()
     print(time.monotonic() - interrupted_s[0], children)

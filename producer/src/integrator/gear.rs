@@ -12,8 +12,8 @@
 //!
 //! `c_0` is 3/20, the value for forces that depend on displacements.
 //!
-//! A step is a pure function of (u, v, extra): the polynomials are part of the state, and what an integrator
-//! keeps from step to step is only which beads are at rest.
+//! A step is a pure function of (u, v, extra): the polynomials are part of the state. From step to step an integrator
+//! keeps only the window of beads that may not be at rest.
 //!
 //! # Source
 //! C. W. Gear, *Numerical Initial Value Problems in Ordinary Differential Equations* (Prentice-Hall, 1971),
@@ -40,8 +40,8 @@ const TERMS_IN_EXTRA: usize = 4;
 
 /// Terms (m) up to this size are exactly zero: `2^-900`.
 ///
-/// A bead that no contact touches forgets its higher derivatives, each rounding error of them a further
-/// `2^-53` smaller after a few steps. Without a bound they would end as subnormals, which are slow.
+/// A bead that no contact touches loses its higher derivatives: each rounding error of them is a further `2^-53`
+/// smaller after a few steps. Without a bound they would end as subnormals, which are slow.
 const ZERO_UP_TO_M: f64 = f64::from_bits((1023 - 900) << 52);
 
 /// Advances the states of one chain by Gear's method.
@@ -54,7 +54,7 @@ pub(crate) struct Gear {
 }
 
 impl Gear {
-    /// Steps of `dt_s` with the forces of `kernel`, whose contacts are not damped.
+    /// Makes steps of `dt_s` with the forces of `kernel`, whose contacts are not damped.
     pub(crate) fn new(dt_s: f64, kernel: Kernel) -> Self {
         Self { kernel, dt_s, window_of_step: None }
     }
@@ -122,7 +122,7 @@ struct Terms<'a> {
 }
 
 impl<'a> Terms<'a> {
-    /// Those of `beads`.
+    /// The terms of `beads`.
     fn of(state: &'a mut ChainState, beads: &Range<usize>) -> Self {
         let chain = state.u_m.len();
         let (q2, rest) = state.extra.split_at_mut(chain);

@@ -1,7 +1,8 @@
 //! Dormand's and Prince's Runge–Kutta method of fifth order, for forces that depend on velocities and on time.
 //!
-//! Everything that a state has is integrated together: displacements, velocities, resonators, dissipated work, the work of drives. The
-//! seventh evaluation, which their pair needs for its error estimate, is the first of the next step; here there are six.
+//! All values of a state are integrated together: displacements, velocities, resonators, dissipated work, the work of
+//! drives. The seventh evaluation, which their pair needs for its error estimate, is the first of the next step; here
+//! there are six.
 //!
 //! # Source
 //! J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19, doi:10.1016/0771-050X(80)90013-3, table 2.
@@ -18,10 +19,10 @@ use std::ops::Range;
 
 const STAGES: usize = 6;
 
-/// Where the stages are, in steps.
+/// Times of the stages, in steps.
 const C: [f64; STAGES] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0];
 
-/// Weights of the slopes before in the state at each stage but the first, and in that at the end.
+/// Weights of the earlier slopes in the state at each stage but the first, and in the state at the end.
 const A: [[f64; STAGES]; STAGES] = [
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
@@ -31,7 +32,8 @@ const A: [[f64; STAGES]; STAGES] = [
     [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
 
-/// Displacements and velocities of beads and resonators, dissipated work: N values each, or none; and one of each drive.
+/// Displacements and velocities of beads and resonators, dissipated work: N values each, or none; and a value of each
+/// drive.
 #[derive(Debug, Clone, Default)]
 struct Values {
     arrays: [Vec<f64>; ARRAYS],
@@ -39,7 +41,7 @@ struct Values {
 }
 
 const ARRAYS: usize = 5;
-/// Which of them is which; the dissipated work is the last.
+/// Indices of the rows in `Values`; the dissipated work is the last.
 const U: usize = 0;
 const V: usize = 1;
 const W: usize = 2;
@@ -69,7 +71,7 @@ pub(crate) struct Runge {
 }
 
 impl Runge {
-    /// For a run of `physics` and `chain`, with the forces of `kernel`.
+    /// Makes one for a run of `physics` and `chain`, with the forces of `kernel`.
     pub(crate) fn new(physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
         let (rows, beads) = (physics.rows(), chain.bead_count());
         let drives = Drives::of(&physics.drives, physics.dt_s);
@@ -115,7 +117,7 @@ impl Runge {
         self.slopes_of_step = Some(state.step);
     }
 
-    /// A step, or a piece of one.
+    /// Makes a step, or a piece of one.
     fn make_piece(&mut self, piece: Piece, state: &mut ChainState) {
         let dt_s = piece.length_s();
         if piece.begins_at_knot() {
@@ -137,7 +139,7 @@ impl Runge {
         self.evaluate(0, &beads);
     }
 
-    /// The first slopes of a state that another integrator may have come to.
+    /// Evaluates the first slopes of a state that another integrator may have come to.
     fn restart(&mut self, state: &mut ChainState) {
         state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
         let beads = state.u_m.len();
@@ -164,7 +166,7 @@ impl Runge {
         self.evaluate(0, &beads);
     }
 
-    /// The state at `stage`, or at the end of the step, from the slopes before.
+    /// Computes the state at `stage`, or at the end of the step, from the earlier slopes.
     fn combine(&mut self, stage: usize, dt_s: f64, state: &ChainState, beads: &Range<usize>) {
         let weights = A[stage - 1];
         let (mut used, mut count) = ([0; STAGES], 0);
@@ -198,7 +200,7 @@ impl Runge {
         }
     }
 
-    /// Puts what drives move where it is at `when`.
+    /// Puts the walls and beads that drives move at their places at `when`.
     fn put_moved(&mut self, when: When, state: &ChainState) {
         let Some(drives) = &self.drives else { return };
         drives.at(when, self.rows.drives_of(&state.extra), &mut self.now);
@@ -210,7 +212,7 @@ impl Runge {
         }
     }
 
-    /// The slopes of `stage`, from the state there.
+    /// Evaluates the slopes of `stage`, from the state there.
     fn evaluate(&mut self, stage: usize, beads: &Range<usize>) {
         let (mut walls_m, mut walls_m_s) = ([0.0; 2], [0.0; 2]);
         for (d, now) in self.now.iter().enumerate() {

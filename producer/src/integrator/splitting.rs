@@ -51,7 +51,7 @@ impl Stages {
         2 * self.kick_drift.len() as u64
     }
 
-    /// What a sweep does that makes `steps` steps of `dt_s`.
+    /// The passes of a sweep that makes `steps` steps of `dt_s`.
     fn passes(&self, dt_s: f64, steps: u64) -> Vec<Pass> {
         let last_kick_s = self.last_kick * dt_s;
         let mut passes = Vec::new();
@@ -77,23 +77,23 @@ pub(crate) struct Splitting {
     kernel: Kernel,
     stages: Stages,
     dt_s: f64,
-    /// What a sweep of `steps_together` steps does.
+    /// The passes of a sweep of `steps_together` steps.
     passes: Vec<Pass>,
     steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
-    /// What else there is than contacts and walls that stand still, if anything is.
+    /// Drives and other forces on beads, if there is more than contacts and walls that stand still.
     others: Option<Others>,
 }
 
-/// Drives, and what acts on beads beside their contacts.
+/// Drives, and forces on beads beside their contacts.
 #[derive(Debug, Clone)]
 struct Others {
     rows: Rows,
     mass_kg: Vec<f64>,
     drives: Option<Drives>,
     knots: Knots,
-    /// Whether there is nothing else than drives that move walls.
+    /// True if there is nothing else than drives that move walls.
     is_at_walls: bool,
     /// The present action of each drive.
     now: Vec<Now>,
@@ -101,14 +101,14 @@ struct Others {
     started_m_s: Vec<f64>,
     /// The velocity (m/s) of the bead that each drive pushes or moves, and the net force (N) on it, before a kick.
     before_kick: Vec<(f64, f64)>,
-    /// What they do at all moments of a sweep.
+    /// The actions of the drives at all moments of a sweep.
     moments: Vec<Now>,
     /// Net forces (N) of a kick.
     net_n: Vec<f64>,
 }
 
 impl Splitting {
-    /// Steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
+    /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
     pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
         let drives = Drives::of(&physics.drives, physics.dt_s);
         let others = (drives.is_some() || !kernel.is_local()).then(|| Others {
@@ -153,7 +153,7 @@ impl Splitting {
         self.forces_of_step = Some(state.step);
     }
 
-    /// How many steps from step `step` to `last` one sweep can make; makes its passes.
+    /// Number of steps from step `step` to `last` that one sweep can make; makes its passes.
     fn steps_to(&mut self, step: u64, last: u64) -> u64 {
         let most = (self.kernel.passes_of_a_sweep() as u64 - 1) / self.stages.passes_per_step();
         let steps = last.saturating_sub(step).clamp(1, most); // integers

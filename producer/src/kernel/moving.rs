@@ -1,4 +1,5 @@
-//! Contacts of moving beads, whatever their force is made of, and what they dissipate: for methods that take forces of velocity.
+//! Contacts of moving beads, with forces of any kind, and the power that they dissipate: for methods with forces that
+//! depend on velocity.
 
 use super::sweep::{add_up, wall_elastic_n};
 use super::{Kernel, Rest};
@@ -39,8 +40,9 @@ impl Damped {
 }
 
 impl Kernel {
-    /// Evaluates the forces of the contacts of `beads`, and writes the power (W) that each dissipates into `power_w` (N values), if
-    /// contacts are damped. Number `c` is that of contact `c`, the last one that of both walls, or of the contact that closes a ring.
+    /// Evaluates the forces of the contacts of `beads`. If contacts are damped, writes the power (W) that each
+    /// dissipates into `power_w` (N values). Number `c` is that of contact `c`, the last one that of both walls, or of
+    /// the contact that closes a ring.
     pub(crate) fn evaluate_moving(&mut self, beads: &Range<usize>, motion: Motion<'_>, power_w: &mut [f64]) {
         let contacts = self.contacts_of(beads);
         let count = motion.u_m.len();
@@ -95,8 +97,8 @@ impl Kernel {
         );
     }
 
-    /// The forces of damped `contacts`, and the power (W) that each dissipates. Of each is known the elastic force (N); where δ^q is
-    /// needed, there is room for it.
+    /// Evaluates the forces of damped `contacts`, and the power (W) that each dissipates. The elastic force (N) of
+    /// each is given; where δ^q is needed, there is room for it.
     fn damp(
         &mut self,
         damped: &Damped,
@@ -135,8 +137,8 @@ impl Kernel {
         }
     }
 
-    /// Force (N) beyond that at rest and dissipated power (W) of the contacts with the left and with the right wall; of a ring, the
-    /// first is that of the contact that closes it.
+    /// Force (N) beyond that at rest and dissipated power (W) of the contacts with the left and with the right wall.
+    /// In a ring, the first is that of the contact that closes it.
     fn walls_moving(&self, damped: Option<&Damped>, motion: Motion<'_>) -> [(f64, f64); 2] {
         let approaches = self.approaches(motion.u_m, motion.walls_m);
         let rates = self.approaches(motion.v_m_s, motion.walls_m_s);
@@ -160,8 +162,8 @@ impl Kernel {
         })
     }
 
-    /// How much nearer the end beads of displacements `values` are to walls displaced by `walls`; of a ring, the last bead to the
-    /// first. Of velocities, how fast they come nearer.
+    /// Approach of the end beads of displacements `values` to walls displaced by `walls`; in a ring, the approach of
+    /// the last bead to the first. For velocities, the rate of approach.
     fn approaches(&self, values: &[f64], walls: [f64; 2]) -> [f64; 2] {
         let last = values.len() - 1;
         if self.is_ring {
@@ -171,7 +173,7 @@ impl Kernel {
     }
 }
 
-/// What is known of a contact.
+/// The state of a damped contact.
 struct Known {
     elastic_n: f64,
     raised: f64,
@@ -181,7 +183,8 @@ struct Known {
 }
 
 impl Known {
-    /// Its force (N), that at rest included, and the power (W) that it dissipates: 0 where it is not closed, but for bonds.
+    /// The force (N), including the force at rest, and the dissipated power (W): 0 where the contact is not closed,
+    /// except for bonds.
     #[inline(always)]
     fn damped(&self, factor: Factor, is_bonded: bool, zero_up_to_m: f64) -> (f64, f64) {
         if !is_bonded && self.overlap_m <= zero_up_to_m {

@@ -1,9 +1,9 @@
 //! Kicks, drifts and forces, all of a step, or of several, in one sweep over memory.
 //!
-//! One after another, each over the whole chain, they would fetch a long chain from memory each time. Instead
-//! a sweep goes along the chain in tiles that fit into the cache, and takes each tile through all passes. The
-//! force of a contact needs the displacements of both its beads, and both beads need the force, so that each
-//! pass ends before the one that it follows, by a block of beads.
+//! Passes one after another, each over the whole chain, would fetch a long chain from memory each time. Instead a
+//! sweep goes along the chain in tiles that fit into the cache, and takes each tile through all passes. The force of a
+//! contact needs the displacements of both its beads, and both beads need the force, so that each pass ends before the
+//! one that it follows, by a block of beads.
 
 use super::{Kernel, Rest};
 use schemas::chain::{Wall, Walls};
@@ -12,12 +12,12 @@ use schemas::simd::vectorized;
 use schemas::term::Term;
 use std::ops::Range;
 
-/// What a sweep does to every bead and contact that may not be at rest.
+/// A pass of a sweep over every bead and contact that may not be at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Pass {
     /// A kick `v ← v + h·F/m` followed by a drift `u ← u + d·v`, of durations h and d (s).
     KickDrift { kick_s: f64, drift_s: f64 },
-    /// Two kicks by the same forces, of which the first ends a step, followed by a drift.
+    /// Two kicks by the same forces, the first of which ends a step, followed by a drift.
     KickKickDrift { last_kick_s: f64, kick_s: f64, drift_s: f64 },
     /// The force `F = k·δ^α` of every contact.
     Forces,
@@ -27,8 +27,8 @@ pub(crate) enum Pass {
     Drift { drift_s: f64 },
 }
 
-/// Beads of a tile, whole blocks: what the passes of a sweep have in hand, two tiles at most, are 160 kB, which fit into
-/// the second cache.
+/// Beads of a tile, whole blocks. The passes of a sweep work on two tiles at most, 160 kB, which fit into the second
+/// cache.
 pub(crate) const TILE: usize = 2048;
 
 impl Kernel {
@@ -105,7 +105,7 @@ struct Sweep<'a> {
     beads: Range<usize>,
     u_m: &'a mut [f64],
     v_m_s: &'a mut [f64],
-    /// This and what follows are as in [`Kernel`].
+    /// This field and the following ones are as in [`Kernel`].
     force: &'a mut [f64],
     presses: &'a mut [bool],
     inverse_mass: &'a [f64],
@@ -176,8 +176,8 @@ impl Sweep<'_> {
         self.kick_each(kick_s, rest.start, rest.len());
     }
 
-    /// Whether a force acts on a bead of the block that begins with bead `start`. Without a force a kick adds zero, which
-    /// changes no velocity: none is `-0`, see `Splitting::advance`.
+    /// True if a force acts on a bead of the block that begins with bead `start`. Without a force a kick adds zero,
+    /// which changes no velocity: none is `-0`, see `Splitting::advance`.
     #[inline(always)]
     fn is_pushed(&self, start: usize) -> bool {
         self.presses[start / BLOCK] || self.force[start] != 0.0
@@ -320,7 +320,7 @@ fn wall_force_n(wall: &Wall, side: usize, law: &ContactLaw, terms: &[Term], appr
     wall_elastic_n(wall, side, law, terms, approach_m) - wall.rest_force_n
 }
 
-/// Force (N) of a wall, that at rest included.
+/// Force (N) of a wall, including the force at rest.
 #[inline(always)]
 pub(super) fn wall_elastic_n(
     wall: &Wall,
@@ -334,8 +334,8 @@ pub(super) fn wall_elastic_n(
     terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.wall_stiffness[side], overlap_m))
 }
 
-/// Writes the force (N), that at rest included, of some neighbouring contacts into `force`: `u_m` has the displacements of their
-/// beads, `contacts` their numbers, `stiffness` theirs of the law.
+/// Writes the force (N), including the force at rest, of some neighbouring contacts into `force`. `u_m` are the
+/// displacements of their beads, `contacts` their numbers, `stiffness` their stiffness of the law.
 #[inline(always)]
 pub(super) fn add_up(
     (u_m, contacts): (&[f64], Range<usize>),

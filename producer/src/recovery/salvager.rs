@@ -23,23 +23,23 @@ pub(super) struct Salvager<'a> {
     manifest: &'a RunManifest,
     writer: &'a mut RecordingWriter,
     watch: &'a mut dyn FnMut(u64) -> bool,
-    /// Lost states that are still recomputed.
+    /// Number of lost states that are still recomputed.
     fill_left: u64,
-    /// None for another kernel version: nothing is computed then.
+    /// The integrator; none for another kernel version, of which nothing is computed.
     integrator: Option<Integrator>,
-    /// The last state that is proven, or believed until the next one shows; none before the first.
+    /// The last state that is proven, or believed until the next state proves it; none before the first.
     state: Option<ChainState>,
-    /// The next state shows whether the last one was right.
+    /// True if the next state has yet to show that the last one was right.
     is_believed: bool,
     /// Step of the first state of the file.
     first_step: u64,
     /// Step from which on states are due, if the last proven one is not written.
     due_from: u64,
-    /// Ahead of the last proven state, for states without a checksum.
+    /// State ahead of the last proven one, for states without a checksum.
     probe: Option<ChainState>,
     /// Steps computed with success, less those computed in vain.
     spare_steps: u64,
-    /// Frames that are lost from here on belong to the last range.
+    /// Frame up to which a further lost range continues the last one.
     lost_until: Option<u64>,
     recovery: Recovery,
 }
@@ -115,7 +115,7 @@ impl<'a> Salvager<'a> {
         self.advance(frame.step, Some(frame))
     }
 
-    /// Takes a state that may be anything: it counts if it follows from the states before it.
+    /// Takes a state with unknown contents: it counts if it follows from the states before it.
     pub(super) fn take_unchecked(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
         let is_later =
             self.state.as_ref().is_some_and(|state| state.step < frame.step || self.due_from == frame.step);
@@ -150,12 +150,13 @@ impl<'a> Salvager<'a> {
         self.probe.as_ref().filter(is_between).or(Some(proven))
     }
 
-    /// True if the last proven state leads to `frame`; none if that comes before it, or there is none.
+    /// True if the last proven state leads to `frame`; none if `frame` comes before that state, or there is no proven
+    /// state.
     fn leads_to(&mut self, frame: &Frame<'_>) -> Result<Option<bool>, RecoveryError> {
         Ok(self.probed(frame.step)?.map(|probe| difference(probe, frame, None).is_none()))
     }
 
-    /// The state at `step`, computed from the last proven one; none if that comes after it.
+    /// The state at `step`, computed from the last proven one; none if the proven one comes after `step`.
     fn probed(&mut self, step: u64) -> Result<Option<&ChainState>, RecoveryError> {
         let Some(start) = self.start_of(step).filter(|start| start.step <= step) else { return Ok(None) };
         let is_ahead = self.probe.as_ref().is_some_and(|probe| probe.step == start.step);
@@ -178,7 +179,8 @@ impl<'a> Salvager<'a> {
         Ok(Some(probe))
     }
 
-    /// Writes a first state that was believed, now that another one shows that it is right, or that none comes.
+    /// Writes a first state that was believed, now that another one shows that it is right, or that no other one
+    /// comes.
     fn confirm(&mut self) -> Result<(), RecoveryError> {
         if !std::mem::replace(&mut self.is_believed, false) {
             return Ok(());
@@ -240,7 +242,7 @@ impl<'a> Salvager<'a> {
         self.write(frame)
     }
 
-    /// Writes a state that is not in the file, or says that it is lost.
+    /// Writes a state that is not in the file, or counts it as lost.
     fn write_recomputed(&mut self, frame: &Frame<'_>) -> Result<(), RecoveryError> {
         let Some(left) = self.fill_left.checked_sub(1) else {
             self.lose(frame.frame, Some(frame.frame));
@@ -300,7 +302,7 @@ impl<'a> Salvager<'a> {
         }
     }
 
-    /// The frames that are due before `step` are lost.
+    /// Counts the frames that are due before `step` as lost.
     fn lose_before(&mut self, step: u64) {
         let every = self.manifest.provenance.record_every_steps;
         let first = self.next_due();
@@ -319,7 +321,7 @@ impl<'a> Salvager<'a> {
         }
     }
 
-    /// The state `wrong` does not lead to `frame`, and nothing says that it is right.
+    /// Notes that the state `wrong` does not lead to `frame`, and that nothing proves `wrong`.
     fn differs_from(&mut self, wrong: &ChainState, frame: &Frame<'_>) {
         let found = self.probe.take().and_then(|probe| difference(&probe, frame, Some(wrong.step)));
         if let Some(found) = found {
@@ -331,7 +333,7 @@ impl<'a> Salvager<'a> {
         self.due_from = wrong.step + 1;
     }
 
-    /// After the last state of the file, which ended as `end` says; `loses_tail` if more was in it.
+    /// Ends after the last state of the file, which ended as `end` says; `loses_tail` if the file had more.
     pub(super) fn finish(
         mut self,
         end: Option<&EndRecord>,

@@ -19,13 +19,13 @@ use stretch::{Block, Piece, Stretch, Workers};
 /// and handing them over takes longer than computing them.
 const FEW_STATES_STEPS: u64 = 8;
 
-/// Interval at which a thread that waits for states checks if it is to stop.
+/// Interval at which a thread that waits for states checks for a request to stop.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
-/// Bounds of the memory.
+/// Limits of the memory.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
-    /// A stretch covers at least this many steps, unless its recorded states have [`Self::stretch_doubles`].
+    /// Fewest steps of a stretch, unless its recorded states have [`Self::stretch_doubles`].
     stretch_steps: u64,
     /// The doubles of the recorded states of a stretch, or two states.
     stretch_doubles: usize,
@@ -50,10 +50,10 @@ impl Default for Limits {
 /// A [`Resimulation`](super::Resimulation) that ends with the last state, computed ahead by several threads: the
 /// same states in the same order, the same gaps, errors and end.
 ///
-/// It reads its source ahead, so that it suits files and not live runs. At most one stretch more than there
-/// are threads is in work. Memory is bounded: 128 MiB of recomputed states, or two blocks for each stretch if that
-/// is more (a block is 1 MiB, or one state), and 4 MiB of recorded states for each stretch, or two of
-/// them. A stretch whose states do not fit into its share is computed while it is being lent.
+/// It reads its source ahead, so that it suits files and not live runs. At most one stretch more than there are
+/// threads is in work. Memory is bounded: 128 MiB of recomputed states, or two blocks for each stretch if that is more
+/// (a block is 1 MiB, or one state), and 4 MiB of recorded states for each stretch, or two of them. A stretch whose
+/// states do not fit into its share is computed while it is being lent.
 #[derive(Debug)]
 pub struct ParallelResimulation<S: FrameSource> {
     source: S,
@@ -63,18 +63,18 @@ pub struct ParallelResimulation<S: FrameSource> {
     workers: Workers,
     /// The recorded states of the next stretch so far; the first is the last one of the stretch before.
     states: Vec<ChainState>,
-    /// The first of them has not been handed out before.
+    /// True if the first of them has not been handed out before.
     is_first: bool,
     /// The frames that were missed since the last state.
     missed: Option<(u64, u64)>,
-    /// States to be lent, and how many of them have been.
+    /// States to be lent, with the number of those that have been.
     block: Block,
     lent_count: usize,
-    /// Ends it when it is set.
+    /// Ends the source when it is set.
     stop: Option<Arc<AtomicBool>>,
 }
 
-/// Why several threads do not recompute.
+/// Reason why several threads do not recompute.
 #[derive(Debug, thiserror::Error)]
 pub enum ParallelError {
     /// The run was computed by another dynamics.
@@ -89,7 +89,7 @@ pub enum ParallelError {
 enum Upcoming<E> {
     /// States, as they are computed.
     States(Receiver<Piece>),
-    /// Missing, with nothing to compute them from.
+    /// Missing frames, with nothing to compute them from.
     Missed {
         from: u64,
         to: u64,
@@ -165,7 +165,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         Self { stop: Some(stop), ..self }
     }
 
-    /// The next piece of a stretch; none if this is to stop before it is there.
+    /// The next piece of a stretch; none if the source is to stop before the piece is there.
     fn next_piece(&self, pieces: &Receiver<Piece>) -> Option<Result<Piece, RecvTimeoutError>> {
         loop {
             match pieces.recv_timeout(LOOK_PERIOD) {
@@ -180,7 +180,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
-    /// Reads until all threads have enough to do, or there is nothing to read for now.
+    /// Reads until all threads have enough to do, or the source delivers nothing for now.
     fn read_ahead(&mut self) {
         while self.workers.have_room() && !matches!(self.upcoming.back(), Some(last) if last.ends_reading()) {
             match self.source.receive() {
@@ -220,7 +220,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         }
     }
 
-    /// True if the recorded states read so far make a stretch.
+    /// True if the recorded states read so far are enough for a stretch.
     fn is_enough(&self) -> bool {
         let (Some(first), Some(last)) = (self.states.first(), self.states.last()) else { return false };
         let doubles = self.states.len() * self.source.manifest().frame_doubles();
@@ -228,7 +228,7 @@ impl<S: FrameSource> ParallelResimulation<S> {
         many || last.step - first.step >= self.limits.stretch_steps
     }
 
-    /// Has the steps between the recorded states read so far computed.
+    /// Hands out the steps between the recorded states read so far, to be computed.
     fn hand_out(&mut self) {
         let Some(last) = self.states.last() else { return };
         if self.states.len() > 1 || self.is_first {

@@ -1,4 +1,4 @@
-//! Where a value stands that makes a point impossible.
+//! Place of a value that makes a point impossible.
 
 use super::Sweep;
 use super::definition::Setting;
@@ -8,8 +8,8 @@ use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// `error`, which point `index` of `sweep` has met in the configuration `document`, with the place of the value that
-/// it is about: in the case or the grid if those set it, or else in the base.
+/// `error`, which point `index` of `sweep` has met in the configuration `document`, with the place of the wrong value:
+/// in the case or the grid if those set it, or else in the base.
 pub(super) fn blame(
     sweep: &Sweep,
     mut error: ConfigError,

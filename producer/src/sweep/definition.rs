@@ -1,4 +1,4 @@
-//! A sweep file as it is written: what stands where.
+//! A sweep file as it is written.
 
 mod over;
 mod sample;
@@ -41,7 +41,7 @@ enum Values {
 }
 
 impl Axis {
-    /// How many values there are; at least one.
+    /// Number of values; at least one.
     pub(super) fn count(&self) -> u64 {
         match &self.values {
             Values::List(list) => list.len() as u64,
@@ -58,14 +58,14 @@ impl Axis {
         Setting { key: self.key.clone(), value, line }
     }
 
-    /// Places whose values say of what kind all are: each of a list, the ends of a range.
+    /// Places whose values show the kind of all: each of a list, the ends of a range.
     pub(super) fn telling(&self) -> impl Iterator<Item = u64> + use<> {
         let count = self.count();
         let step = if matches!(self.values, Values::List(_)) { 1 } else { count - 1 };
         (0..count).step_by(index_of(step).max(1)) // integers
     }
 
-    /// What decides its values, wherever they are written.
+    /// Text that decides the values, independent of their layout in the file.
     pub(super) fn meaning(&self) -> String {
         match &self.values {
             Values::List(list) => {
@@ -77,7 +77,7 @@ impl Axis {
     }
 }
 
-/// When a point ends.
+/// End of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Until {
     /// At the duration of its configuration.
@@ -113,9 +113,9 @@ pub(super) struct Definition {
     pub(super) cases: Vec<Vec<Setting>>,
     /// Values drawn together; at least one sample, which may set nothing.
     pub(super) samples: Samples,
-    /// In the order of the file.
+    /// The axes in the order of the file.
     pub(super) axes: Vec<Axis>,
-    /// What statistics are made over.
+    /// The values over which statistics are made.
     pub(super) over: Option<Over>,
     pub(super) until: Until,
     pub(super) record: bool,
@@ -123,7 +123,7 @@ pub(super) struct Definition {
     pub(super) split_bead: Option<u64>,
     /// Columns of analyses beside the usual ones.
     pub(super) measure: Vec<String>,
-    /// The lines on which these stand.
+    /// The lines of these columns.
     measure_lines: Vec<usize>,
 }
 
@@ -183,7 +183,7 @@ impl Definition {
         })
     }
 
-    /// Gives what `measure` names its whole names, which `check` knows, and refuses what it does not know.
+    /// Replaces the entries of `measure` by their whole names, which `check` knows, and refuses unknown ones.
     pub(super) fn name_measures(
         &mut self,
         path: &Path,
@@ -413,13 +413,13 @@ impl Reader<'_> {
     }
 }
 
-/// Refuses with the words that a key is unknown, and which are known.
+/// Message that a key is unknown, with the known ones.
 fn unknown_key(key: &str, known: &[&str]) -> String {
     let hint = did_you_mean(key, known.iter().copied());
     format!("found an unknown key; allowed: {}{hint}", known.join(", "))
 }
 
-/// `text`, the contents of `path`, is no TOML.
+/// Error that `text`, the contents of `path`, is no TOML.
 fn syntax(text: &str, path: &Path, error: &toml::de::Error) -> SweepError {
     SweepError::Config(ConfigError { path: Some(path.to_owned()), ..ConfigError::of_toml(error, text) })
 }

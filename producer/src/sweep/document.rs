@@ -38,17 +38,17 @@ impl KeyPath {
         Ok(Self { parts })
     }
 
-    /// Whether one of the two lies in the other, or both are the same.
+    /// True if one of the two lies in the other, or both are the same.
     pub(super) fn overlaps(&self, other: &Self) -> bool {
         self.parts.iter().zip(&other.parts).all(|(a, b)| a == b)
     }
 
-    /// Whether it is the name of the run.
+    /// True if the key is the name of the run.
     pub(super) fn is_name(&self) -> bool {
         self.parts == [Part::Key("name".to_owned())]
     }
 
-    /// Sets the value in `document`. Tables on the way are made, entries of lists are not.
+    /// Sets the value in `document`. Makes missing tables on the way, but no entries of lists.
     pub(super) fn set(&self, document: &mut Table, value: Value) -> Result<(), String> {
         let [Part::Key(first), rest @ ..] = self.parts.as_slice() else {
             return Err(format!("`{self}` does not begin with a name"));
@@ -78,7 +78,7 @@ impl KeyPath {
     }
 }
 
-/// What stands for a value that is about to be set.
+/// Placeholder for a value that is about to be set.
 fn empty_for(rest: &[Part]) -> Value {
     match rest.first() {
         Some(Part::Index(_)) => Value::Array(Vec::new()),

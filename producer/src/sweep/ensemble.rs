@@ -1,9 +1,9 @@
-//! Points that differ in one key alone, such as the seed: what statistics are made of.
+//! Points that differ in one key alone, such as the seed: groups for statistics.
 
 use super::Sweep;
 use super::definition::{Axis, Definition, Over};
 
-/// How the points of a sweep fall into groups of one value of every key but one.
+/// Groups of the points of a sweep: points of a group have the same value of every key but one.
 ///
 /// Group `g` has the points whose index is `g` when that key is left out of the counting; groups are in the order of
 /// their first points.
@@ -11,9 +11,9 @@ use super::definition::{Axis, Definition, Over};
 pub struct Ensemble {
     /// The key that is left out, or `sample` for all that `[sample]` sets.
     pub over: String,
-    /// Which of [`Sweep::parameters`] all points of a group share.
+    /// Places in [`Sweep::parameters`] of the parameters that all points of a group share.
     pub shared: Vec<usize>,
-    /// Points whose index differs by this differ in nothing else, as long as the key goes through its values.
+    /// Distance between the indices of points that differ only in the key, as long as the key goes through its values.
     stride: u64,
     /// Values of the key.
     members: u64,
@@ -25,19 +25,19 @@ impl Ensemble {
         index / (self.stride * self.members) * self.stride + index % self.stride
     }
 
-    /// How many points in a row are all those of some groups.
+    /// Number of consecutive points that fill some groups completely.
     pub fn block(&self) -> u64 {
         self.stride * self.members
     }
 
-    /// How many points a group has.
+    /// Number of points of a group.
     pub fn member_count(&self) -> u64 {
         self.members
     }
 }
 
 impl Sweep {
-    /// What statistics are to be made over, if the sweep file asks for it or sweeps the key `seed`.
+    /// The groups over which statistics are made, if the sweep file asks for them or sweeps the key `seed`.
     pub fn ensemble(&self) -> Option<Ensemble> {
         let Definition { samples, axes, over, .. } = &self.definition;
         let count = |axes: &[Axis]| axes.iter().fold(1, |count, axis| count * axis.count());

@@ -1,4 +1,4 @@
-//! What decides the rows of a sweep, and the points that are checked before the first is computed.
+//! Identity of a sweep's rows, and the points that are checked before the first is computed.
 
 use super::definition::{Axis, Definition};
 use super::{Sweep, index_of};
@@ -10,11 +10,11 @@ use std::collections::BTreeSet;
 /// Most points that are checked before the first is computed.
 pub const MOST_CHECKED: u64 = 10_000;
 
-/// Of more points than [`MOST_CHECKED`], how many are checked that lie evenly among all.
+/// Number of checked points that lie evenly among all, if there are more points than [`MOST_CHECKED`].
 const SPREAD: u64 = 1000;
 
 impl Sweep {
-    /// Makes every point that is to be checked once, and gives the identity of the sweep.
+    /// Makes every point that is to be checked once, and returns the identity of the sweep.
     pub(super) fn check_points(&self) -> Result<[u8; 32], ConfigError> {
         let Definition { base, cases, samples, axes, .. } = &self.definition;
         let mut hash = Sha256::new();
@@ -44,8 +44,8 @@ impl Sweep {
         Ok(hash.finalize().into())
     }
 
-    /// All points, if they are few. Else some that lie evenly among them, the first of each case, those with each value of a
-    /// list or at the ends of a range and the first value of all else.
+    /// All points, if they are few. Else some that lie evenly among them, the first of each case, and those with each
+    /// value of a list or at the ends of a range and the first value of all else.
     fn checked_points(&self) -> BTreeSet<u64> {
         let count = self.point_count();
         if count <= MOST_CHECKED {

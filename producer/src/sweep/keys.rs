@@ -1,13 +1,13 @@
-//! Which keys a sweep may set.
+//! Check of the keys that a sweep sets.
 
 use super::SweepError;
 use super::definition::{Definition, Setting};
 use schemas::config::ConfigError;
 use std::path::Path;
 
-/// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each
-/// other: the later would replace the value of the earlier, which the row would name all the same.
-/// Of all samples, which set the same keys, one is enough.
+/// Refuses the sweep file `path` if it sets a name, which is no physics, or if two keys of a point lie in each other:
+/// the later would replace the value of the earlier, but the row would still name the earlier. One sample stands for
+/// all, because all set the same keys.
 pub(super) fn check(path: &Path, definition: &Definition) -> Result<(), SweepError> {
     let Definition { cases, samples, axes, .. } = definition;
     let one_of_each: Vec<_> = samples.at(0).into_iter().chain(axes.iter().map(|axis| axis.at(0))).collect();
@@ -28,7 +28,7 @@ pub(super) fn check(path: &Path, definition: &Definition) -> Result<(), SweepErr
     Ok(())
 }
 
-/// The conflict between `setting` and `earlier`, of which one is a part of the other.
+/// The conflict between `setting` and `earlier`, one of which is a part of the other.
 fn mistake(setting: &Setting, earlier: Option<&Setting>) -> Option<String> {
     match earlier {
         Some(Setting { key, line, .. }) if *key == setting.key => {

@@ -1,4 +1,4 @@
-//! Sobol points: numbers that fill a cube of up to 16 sides evenly, however many of them are taken.
+//! Sobol points: they fill a cube of up to 16 sides evenly, for any number of points.
 //!
 //! Side `d` of point `n` is the exclusive or of the direction numbers `v_k` of that side for every bit `k` that is set in `n`:
 //! `v_k = m_k·2^(32 − k)` for k = 1, 2, …, where for a side of the polynomial `x^s + a₁·x^(s−1) + … + a_(s−1)·x + 1`
@@ -33,7 +33,7 @@ const SIDES: [(u32, &[u32]); MOST_SIDES - 1] = [
     (16, &[1, 3, 1, 13, 27, 49]),
 ];
 
-/// The direction numbers of a side, of which there are [`MOST_SIDES`].
+/// The direction numbers of side `side`, which is below [`MOST_SIDES`].
 pub(super) fn directions(side: usize) -> [u32; BITS] {
     let mut numbers = [1_u32; BITS];
     if let Some((coefficients, first)) = side.checked_sub(1).and_then(|side| SIDES.get(side)) {
@@ -85,7 +85,7 @@ mod tests {
         }
     }
 
-    /// What the table must have: each side has one of 2^k points in each of 2^k equal parts.
+    /// The condition on the table: each side has one of 2^k points in each of 2^k equal parts.
     #[test]
     fn every_side_is_filled_evenly() {
         for side in 0..MOST_SIDES {

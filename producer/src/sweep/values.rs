@@ -10,9 +10,9 @@ use toml::{Table, Value};
 
 /// The values of `{ from, to, count, spacing }`, both ends included, each computed from its place.
 ///
-/// Linear: `vᵢ = (from·(n − 1 − i) + to·i)/(n − 1)`; logarithmic: `vᵢ = from·(to/from)^(i/(n − 1))`, with the
-/// power function of the dynamics. The ends are exactly `from` and `to`. A range between whole numbers has whole
-/// numbers, and is refused if they do not fall so.
+/// Linear: `vᵢ = (from·(n − 1 − i) + to·i)/(n − 1)`; logarithmic: `vᵢ = from·(to/from)^(i/(n − 1))`, with the power
+/// function of the dynamics. The ends are exactly `from` and `to`. A range between whole numbers has whole numbers,
+/// and is refused if some of its values are not whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Range {
     count: u64,
@@ -69,7 +69,7 @@ impl Range {
         Self { count, spacing: Spacing::Whole { from, gap: 1 } }
     }
 
-    /// How many values there are.
+    /// Number of values.
     pub(super) fn count(&self) -> u64 {
         self.count
     }
@@ -123,8 +123,8 @@ impl Interval {
         }
     }
 
-    /// The value at `fraction`, from 0 to 1, of the range: `from·(1 − fraction) + to·fraction`; of whole numbers each has an
-    /// equal part; logarithmic `from·(to/from)^fraction`, with the power function of the dynamics.
+    /// The value at `fraction`, from 0 to 1, of the range: `from·(1 − fraction) + to·fraction`. Each whole number has
+    /// an equal part. A logarithmic range gives `from·(to/from)^fraction`, with the power function of the dynamics.
     pub(super) fn at(self, fraction: f64) -> Value {
         let within = |from: f64, to: f64, value: f64| match value {
             value if value < from => from,
@@ -178,7 +178,7 @@ fn double(value: &Value) -> f64 {
     }
 }
 
-/// What lies between two of `count` whole numbers from `from` to `to`.
+/// The gap between two neighbours of `count` whole numbers from `from` to `to`.
 fn whole_gap(from: i64, to: i64, count: u64) -> Result<i128, String> {
     let width = i128::from(to) - i128::from(from);
     let gaps = i128::from(count) - 1;

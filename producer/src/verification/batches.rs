@@ -17,7 +17,7 @@ pub(super) struct Proof {
     pub(super) difference_count: u64,
     pub(super) summary_differences: Vec<SummaryDifference>,
     pub(super) summary_difference_count: u64,
-    /// States after this step were not recomputed, because it was asked to stop.
+    /// The step after which states were not recomputed, if the thread was asked to stop.
     pub(super) stopped_after: Option<u64>,
 }
 
@@ -30,7 +30,7 @@ impl Proof {
         self.stopped_after = self.stopped_after.into_iter().chain(other.stopped_after).min(); // integers
     }
 
-    /// In the order of steps, the first ones only.
+    /// Sorts the results by steps, and keeps the first ones only.
     pub(super) fn sort(&mut self) {
         self.differences.sort_by_key(|wrong| wrong.step);
         self.summary_differences.sort_by_key(|wrong| wrong.step);
@@ -71,11 +71,11 @@ pub(super) fn prove_batches(
     }
 }
 
-/// The proof of one thread, as far as it is.
+/// The proof of one thread so far.
 pub(super) struct Proving<'a> {
     manifest: &'a RunManifest,
     can_be_proven: bool,
-    /// Made when there is something to prove: a file may say that it has many beads and hold no state of them.
+    /// Made when there is something to prove: a file may claim many beads and hold no state of them.
     prover: Option<Prover<'a>>,
     pub(super) proof: Proof,
 }
@@ -126,7 +126,8 @@ impl<'a> Prover<'a> {
         Self { manifest, checker, state, doubles: Vec::new() }
     }
 
-    /// The states of `batch` that do not follow from the one before, and their summaries.
+    /// Finds the states of `batch` that do not follow from the one before, and the summaries that do not match their
+    /// states.
     fn prove(&mut self, batch: &EncodedStates, stop: &AtomicBool, proof: &mut Proof) {
         let mut integrator = Integrator::new(&self.manifest.physics);
         let mut from_step = None;

@@ -10,44 +10,45 @@ use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use std::sync::atomic::AtomicBool;
 
-/// Steps beyond the states of a file that are computed in any case, times the beads: some ten seconds.
+/// Most steps, times the beads, that are always computed beyond the states of a file: some ten seconds.
 const MOST_BEYOND: u64 = 1 << 34;
 
-/// As many times the steps that the states of a file cover are computed beyond them.
+/// Most steps that are computed beyond the states of a file, per step that these cover.
 const TIMES_COVERED: u64 = 1024;
 
 /// True if so many steps before or after the states of a file of this run, which cover `covered` steps, are worth
-/// computing: a file's claim of its length costs nothing to make.
+/// computing: a false claim of a file about its length costs nothing.
 pub(crate) fn is_affordable(steps: u64, covered: u64, run: &RunManifest) -> bool {
     steps <= covered.saturating_mul(TIMES_COVERED).saturating_add(MOST_BEYOND / run.physics.beads)
 }
 
-/// Begin of a recording that does not begin with the run, or that continues another one.
+/// Beginning of a recording that does not begin with the run, or that continues another one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Follows {
     /// Its first state follows from the last state of the part before, or from the initial condition.
     Proven,
     /// It begins too many steps later to be computed.
     TooFar,
-    /// As far as hashes tell; nothing can be recomputed.
+    /// The hashes agree; nothing can be recomputed.
     ByHash,
-    /// It does not.
+    /// It does not follow.
     Not(String),
-    /// We were asked to stop before that was known.
+    /// The caller asked to stop before the answer was known.
     Stopped,
     /// Its first state does not follow from the last state of the part before, or from the initial condition.
     Differs(Difference),
 }
 
 impl Follows {
-    /// True if the begin is proven.
+    /// True if the beginning is proven.
     pub fn is_proven(&self) -> bool {
         *self == Self::Proven
     }
 }
 
 /// True if the first state of the recording `found` follows from the manifest's initial condition; none if it has no
-/// state, or nothing can be recomputed. `stop` ends the computation, which is bounded by what the file covers.
+/// state, or nothing can be recomputed. `stop` ends the computation, which is bounded by the steps that the file
+/// covers.
 pub fn follows_the_run(found: &Verification, stop: &AtomicBool) -> Option<Follows> {
     let run = &found.manifest;
     let (first, last) = (found.first.as_ref()?, found.last.as_ref()?);

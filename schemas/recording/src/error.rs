@@ -1,4 +1,4 @@
-//! What goes wrong with recordings.
+//! Errors of recordings.
 
 use schemas::manifest::{ManifestError, ManifestTooLong};
 use schemas::whole_file::WholeFileError;
@@ -38,35 +38,35 @@ pub enum WriteError {
         directory.display(), Bytes(*needed_bytes), Bytes(*free_bytes)
     )]
     NoSpace {
-        /// Where the recording should go.
+        /// The directory of the recording.
         directory: PathBuf,
         /// The least that it takes.
         needed_bytes: u64,
-        /// What is free.
+        /// Free space in that directory.
         free_bytes: u64,
     },
     /// The file system there stores no files.
     #[error("{} is on a file system that stores no files, like /proc or /sys; choose another directory", directory.display())]
     NoDisk {
-        /// Where the recording should go.
+        /// The directory of the recording.
         directory: PathBuf,
     },
     /// The operating system refused.
     #[error("cannot write {}", path.display())]
     Io {
-        /// What was written.
+        /// The file being written.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// The operating system refused, and frames accepted after the last whole chunk are lost.
     #[error("cannot write {}: the last {lost_frames} accepted frames are lost", path.display())]
     Lost {
-        /// What was written.
+        /// The file being written.
         path: PathBuf,
         /// Frames accepted, but not written.
         lost_frames: u64,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// Its manifest could not be read again.
@@ -81,10 +81,10 @@ pub enum WriteError {
         frame: u64,
         /// Its step.
         step: u64,
-        /// What was expected and found.
+        /// The expected and the found value.
         what: String,
     },
-    /// Writing failed before; nothing more is taken.
+    /// Writing failed before; the recording takes nothing more.
     #[error("{} was given up after a write error", path.display())]
     GivenUp {
         /// The recording.
@@ -102,7 +102,7 @@ impl From<WholeFileError> for WriteError {
 }
 
 impl WriteError {
-    /// Whether an existing file is in the way, so that another name must be chosen.
+    /// True if an existing file is in the way, so that another name must be chosen.
     pub fn is_in_the_way(&self) -> bool {
         match self {
             Self::File(error) => error.is_in_the_way(),
@@ -125,7 +125,7 @@ pub enum ReadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// Not an MCAP file.
@@ -139,17 +139,17 @@ pub enum ReadError {
     NotBeadline {
         /// The file.
         path: PathBuf,
-        /// What was expected and found.
+        /// The expected and the found contents.
         what: String,
     },
-    /// Ours, but of other contents.
+    /// A recording of ours without the topic that was looked for.
     #[error("{} holds no `{topic}` channel, only {found}", path.display())]
     NoChannel {
         /// The file.
         path: PathBuf,
-        /// What was looked for.
+        /// The topic that was looked for.
         topic: &'static str,
-        /// What there is.
+        /// The topics in the file.
         found: String,
     },
     /// The manifest cannot be used; the message names both versions if it is too new.
@@ -157,7 +157,7 @@ pub enum ReadError {
     Manifest {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error in the manifest.
         source: ManifestError,
     },
     /// The manifest was changed after it was written.
@@ -180,7 +180,7 @@ pub enum ReadError {
     Crc {
         /// The file.
         path: PathBuf,
-        /// Which part, with its offset.
+        /// The damaged part, with its offset.
         part: String,
         /// The checksum in the file.
         found: u32,
@@ -192,9 +192,9 @@ pub enum ReadError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where, from the start of the file: a record, or the chunk that holds the message.
+        /// Offset of the damage from the start of the file: of a record, or of the chunk that holds the message.
         offset: u64,
-        /// What was expected and found.
+        /// The expected and the found contents.
         what: String,
     },
 }
@@ -223,7 +223,7 @@ impl ReadError {
         }
     }
 
-    /// Where it is damaged, from its start, if that is one place.
+    /// Offset of the damage from the start of the file, if it is in one place.
     pub fn byte(&self) -> Option<u64> {
         match self {
             Self::Damaged { offset, .. } => Some(*offset),
@@ -231,7 +231,7 @@ impl ReadError {
         }
     }
 
-    /// Whether this is the wrong kind of file, rather than a damaged or unreadable one.
+    /// True if this is the wrong kind of file, rather than a damaged or unreadable one.
     pub fn is_wrong_file(&self) -> bool {
         matches!(
             self,
@@ -240,7 +240,7 @@ impl ReadError {
     }
 }
 
-/// What to do with a file that is not a recording, judged by its name.
+/// Advice about a file that is not a recording, judged by its name.
 fn instead(path: &Path) -> &'static str {
     match path.extension().and_then(|end| end.to_str()).unwrap_or_default() {
         "csv" | "parquet" => {

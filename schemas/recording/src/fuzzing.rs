@@ -1,4 +1,4 @@
-//! What the fuzz targets need of private functions; no part of the interface.
+//! Entry points for the fuzz targets into private functions; no part of the interface.
 
 use crate::head::{self, EndRecord};
 use crate::read::contents::parse_metadata;
@@ -9,17 +9,17 @@ use std::path::Path;
 /// Decodes a `ChainState` of `beads` beads with `extra` further values: its step and `[u | v | extra]`.
 ///
 /// # Errors
-/// When it is none.
+/// When the message is not such a state.
 pub fn state(message: &[u8], beads: usize, extra: usize) -> Result<(u64, Vec<f64>), String> {
     let mut doubles = Vec::new();
     let state = decode::state(message, StateLengths { beads, extra }, &mut doubles)?;
     Ok((state.step, doubles))
 }
 
-/// The same without the fast way of the states that we write.
+/// Like [`state()`], without the fast path for the states that we write.
 ///
 /// # Errors
-/// When it is none.
+/// When the message is not such a state.
 pub fn state_by_prost(message: &[u8], beads: usize, extra: usize) -> Result<(u64, Vec<f64>), String> {
     let mut doubles = Vec::new();
     let state = decode::general(message, StateLengths { beads, extra }, &mut doubles)?;
@@ -29,7 +29,7 @@ pub fn state_by_prost(message: &[u8], beads: usize, extra: usize) -> Result<(u64
 /// The step of a `ChainState` of any length.
 ///
 /// # Errors
-/// When it is none.
+/// When the message is not a state.
 pub fn state_step(message: &[u8]) -> Result<u64, String> {
     decode::head(message).map(|state| state.step)
 }
@@ -37,7 +37,7 @@ pub fn state_step(message: &[u8]) -> Result<u64, String> {
 /// The manifest in the contents of a metadata record `beadline.run`.
 ///
 /// # Errors
-/// When it is none.
+/// When the record holds no manifest.
 pub fn manifest(record: &[u8]) -> Result<RunManifest, String> {
     let path = Path::new("fuzzed.mcap");
     let metadata = parse_metadata(path, 0, record).map_err(|error| error.to_string())?;

@@ -11,19 +11,19 @@ use std::path::Path;
 /// Name of the metadata record with the manifest.
 pub(super) const RUN: &str = "beadline.run";
 
-/// Name of the metadata record with the beginning, of files that do not begin with the run.
+/// Name of the metadata record with the beginning, in files that do not begin with the run.
 pub(super) const BEGIN: &str = "beadline.begin";
 
 /// Name of the metadata record with the end.
 pub(super) const END: &str = "beadline.end";
 
-/// More parts no recording has.
+/// Largest number of parts of a recording.
 const MOST_PARTS: u64 = u32::MAX as u64;
 
 /// Name of the attachment with the configuration as the user gave it.
 pub(super) const RUN_TOML: &str = "run.toml";
 
-/// Where a recording begins, as in its metadata record `beadline.begin`. Without that record it begins with the run.
+/// Beginning of a recording, as in its metadata record `beadline.begin`. Without that record it begins with the run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BeginRecord {
     /// Step from which on states are recorded.
@@ -35,13 +35,13 @@ pub struct BeginRecord {
 }
 
 impl Default for BeginRecord {
-    /// With the run.
+    /// The beginning of a recording that begins with the run.
     fn default() -> Self {
         Self { first_step: 0, part: 1, previous_state_hash: None }
     }
 }
 
-/// How a recording ended, as in its metadata record `beadline.end`.
+/// End of a recording, as in its metadata record `beadline.end`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EndRecord {
     /// Why no more frames follow.

@@ -32,7 +32,7 @@ pub(super) const SUMMARY: Topic =
 
 pub(super) const SUMMARY_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb"));
 
-/// The topics of frames, which are written anew whenever frames are.
+/// The topics of frames. Every writer of frames writes these topics itself.
 pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
 
 pub(super) const CONTACTS: Topic = Topic {

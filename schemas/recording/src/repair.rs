@@ -1,4 +1,4 @@
-//! What is wrong with a file, and how an interrupted one goes on.
+//! Finds damage in a file, and prepares an interrupted recording for being resumed.
 
 pub(crate) mod audit;
 pub(crate) mod interrupted;

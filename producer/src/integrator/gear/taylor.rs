@@ -1,4 +1,4 @@
-//! How gear5 begins: the higher derivatives of the motion at step 0.
+//! The beginning of gear5: the higher derivatives of the motion at step 0.
 
 use schemas::chain::{Chain, Wall};
 use schemas::contact::ContactLaw;
@@ -10,8 +10,8 @@ const FORCE_TERMS: usize = 4;
 /// `[q2 | q3 | q4 | q5]` (m, N values each) of the beads at the displacements `u_m` (m) and velocities `v_m_s`
 /// (m/s): the exact terms `q_k = dt^k/k!·d^k u/dt^k` of the motion's Taylor series.
 ///
-/// The series of the motion gives that of each force, which gives the next term of the motion:
-/// `q_{k+2} = dt²/((k+1)(k+2))·F_k/m`. Contacts without a force add nothing: one that is about to close has no
+/// The series of the motion gives the series of each force, which gives the next term of the motion:
+/// `q_{k+2} = dt²/((k+1)(k+2))·F_k/m`. Contacts without a force add nothing: a contact that is about to close has no
 /// derivatives there.
 pub(crate) fn taylor_terms(chain: &Chain, u_m: &[f64], v_m_s: &[f64], dt_s: f64) -> Vec<f64> {
     let beads = chain.bead_count();
@@ -33,7 +33,8 @@ pub(crate) fn taylor_terms(chain: &Chain, u_m: &[f64], v_m_s: &[f64], dt_s: f64)
     terms[1..].concat()
 }
 
-/// All contacts from left to right, first and last those with the walls, which have no stiffness at a free end.
+/// All contacts from left to right. The first and the last are those with the walls, which have no stiffness at a free
+/// end.
 fn contacts(chain: &Chain, u_m: &[f64]) -> Vec<Contact> {
     let [left_m, right_m] = chain.wall_approaches_m(u_m, &[]);
     let wall = |wall: &Wall, approach_m: f64| {
@@ -48,13 +49,13 @@ fn contacts(chain: &Chain, u_m: &[f64]) -> Vec<Contact> {
     contacts
 }
 
-/// The Taylor series of one contact over a time step, as far as they are known.
+/// The Taylor series of one contact over a time step, up to the known terms.
 #[derive(Debug)]
 struct Contact {
     alpha: f64,
     stiffness: f64,
     rest_force_n: f64,
-    /// Terms (m) of the overlap `δ`, one more than of the others.
+    /// Terms (m) of the overlap `δ`, one more than of the other series.
     overlap: Vec<f64>,
     /// Terms of `δ^α`.
     raised: Vec<f64>,
@@ -75,10 +76,11 @@ impl Contact {
         }
     }
 
-    /// Takes the term (m) of the overlap of the order `order` + 1, and finds the next one of the force after `order` > 0.
+    /// Takes the term (m) of the overlap of the order `order` + 1, and finds the next term of the force if
+    /// `order` > 0.
     ///
-    /// A contact that may open or double its overlap within one step keeps a constant force: its series would say nothing about the end
-    /// of the step.
+    /// A contact that may open or double its overlap within one step keeps a constant force: its series would not
+    /// describe the end of the step.
     fn push(&mut self, order: usize, overlap_term_m: f64) {
         self.overlap.push(overlap_term_m);
         if order == 0 {

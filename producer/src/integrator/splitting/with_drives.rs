@@ -1,7 +1,8 @@
 //! Steps with drives, and with forces on beads beside those of their contacts.
 //!
-//! Time moves with the drifts: forces of a kick are those at the time that the drifts of the step have come to. So a force that
-//! depends on time, or a wall that moves, is to these methods one coordinate more, and they keep their order.
+//! Time moves with the drifts: the forces of a kick are those at the time that the drifts of the step have come to. So
+//! a force that depends on time, or a wall that moves, is one more coordinate to these methods, and they keep their
+//! order.
 
 use super::{Others, Splitting};
 use crate::drives::{Acts, Drives, Now, When};
@@ -10,7 +11,7 @@ use crate::pieces::Piece;
 use crate::state::ChainState;
 
 impl Splitting {
-    /// One step.
+    /// Makes one step.
     pub(super) fn step_with(&mut self, others: &mut Others, state: &mut ChainState) {
         if self.forces_of_step != Some(state.step) {
             self.start_with(others, state);
@@ -24,7 +25,7 @@ impl Splitting {
         self.forces_of_step = Some(state.step);
     }
 
-    /// A step, or a piece of one.
+    /// Makes a step, or a piece of one.
     fn make_piece(&mut self, piece: Piece, others: &mut Others, state: &mut ChainState) {
         let dt_s = piece.length_s();
         if let Some(drives) = &others.drives {
@@ -59,8 +60,8 @@ impl Splitting {
         }
     }
 
-    /// Some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move walls: where these are
-    /// does not depend on the chain.
+    /// Makes some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move
+    /// walls: the places of the walls do not depend on the chain.
     pub(super) fn steps_with_walls(&mut self, others: &mut Others, state: &mut ChainState, last: u64) {
         if self.forces_of_step != Some(state.step) {
             self.start_with(others, state);
@@ -106,7 +107,7 @@ impl Splitting {
         self.forces_of_step = Some(state.step);
     }
 
-    /// The forces at the beginning of a step that another integrator may have come to.
+    /// Evaluates the forces at the beginning of a step that another integrator may have come to.
     fn start_with(&mut self, others: &mut Others, state: &mut ChainState) {
         // as without drives: see `Splitting::advance`
         state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
@@ -123,7 +124,7 @@ impl Splitting {
         self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
     }
 
-    /// Puts the walls and beads that drives move where they are at `when`.
+    /// Puts the walls and beads that drives move at their places at `when`.
     fn move_to(&mut self, others: &mut Others, when: When, state: &mut ChainState) {
         let Some(drives) = &others.drives else { return };
         drives.at(when, others.rows.drives_of(&state.extra), &mut others.now);
@@ -135,7 +136,7 @@ impl Splitting {
         self.kernel.move_walls(walls_at(drives, &others.now));
     }
 
-    /// A kick of `kick_s` by the forces evaluated last, and the work that drives do meanwhile.
+    /// Makes a kick of `kick_s` by the forces evaluated last, and adds the work of the drives meanwhile.
     fn kick_with(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
         if let Some(drives) = &others.drives {
             let mut before = std::mem::take(&mut others.before_kick);
@@ -177,7 +178,7 @@ impl Splitting {
         self.kernel.sites().net_n(bead, left - right, state.u_m[bead], w_m)
     }
 
-    /// A kick of beads with more forces than those of their contacts, and of their resonators.
+    /// Kicks beads with more forces than those of their contacts, and their resonators.
     fn kick_sites(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
         let beads = self.kernel.active_beads();
         let pushed = self.kernel.pushed();
@@ -201,7 +202,8 @@ impl Splitting {
     }
 }
 
-/// The ends of moved beads' pieces: their velocities, and the work that accelerates them; where drives have put what they move.
+/// Finishes the pieces of moved beads: sets their velocities, adds the work that accelerates them, and sets the places
+/// to which drives have moved walls and beads.
 fn finish_piece(drives: &Drives, others: &Others, state: &mut ChainState) {
     let [.., row] = others.rows.split_mut(&mut state.extra);
     for (d, now) in others.now.iter().enumerate() {
@@ -214,7 +216,7 @@ fn finish_piece(drives: &Drives, others: &Others, state: &mut ChainState) {
     }
 }
 
-/// Where the walls are (m).
+/// The places of the walls (m).
 fn walls_at(drives: &Drives, now: &[Now]) -> [f64; 2] {
     let mut walls_m = [0.0; 2];
     for (d, now) in now.iter().enumerate() {

@@ -16,9 +16,9 @@ use std::thread::JoinHandle;
 /// Steps to be computed: those between recorded states.
 #[derive(Debug)]
 pub(super) struct Stretch {
-    /// The recorded states; from each follows the next.
+    /// The recorded states; each follows from the one before.
     pub(super) states: Vec<ChainState>,
-    /// The first of them is lent, too.
+    /// True if the first of them is lent, too.
     pub(super) lends_first: bool,
 }
 
@@ -102,7 +102,7 @@ impl Workers {
         self.shared.first_step.store(first_step, Ordering::Relaxed);
     }
 
-    /// True if another stretch is taken: one more than there are threads.
+    /// True if another stretch can be taken: one more than there are threads.
     pub(super) fn have_room(&self) -> bool {
         self.in_work <= self.threads.len()
     }
@@ -118,7 +118,7 @@ impl Workers {
         receiver
     }
 
-    /// A stretch has been lent to its end.
+    /// Notes that a stretch has been lent to its end.
     pub(super) fn done(&mut self) {
         self.in_work -= 1;
     }
@@ -135,8 +135,8 @@ impl Workers {
         self.shared.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Goes on with the panic of a thread that left its stretch undone. Whatever the others have in work must have been
-    /// stopped, and nobody may wait for it.
+    /// Goes on with the panic of a thread that left its stretch undone. The work of the others must have been stopped,
+    /// and nobody may wait for it.
     pub(super) fn resume_panic(&mut self) {
         self.stretches = None;
         for thread in self.threads.drain(..) {
@@ -159,7 +159,7 @@ impl Drop for Workers {
     }
 }
 
-/// Nobody wants what is being computed.
+/// Error: nobody wants the states that are being computed.
 struct Unwanted;
 
 impl Shared {
@@ -241,7 +241,7 @@ impl Outlet<'_> {
         Ok(())
     }
 
-    /// Hands over what there is.
+    /// Hands over the states in the block.
     fn hand_over(&mut self) -> Result<(), Unwanted> {
         let block = std::mem::take(&mut self.block);
         if block.steps.is_empty() {
@@ -269,7 +269,7 @@ impl Block {
         }
     }
 
-    /// State number `index` as a frame of `manifest`'s run, or the frame before it.
+    /// State number `index` as a frame of `manifest`'s run, or under the number of the frame before it.
     pub(super) fn frame(&self, index: usize, manifest: &RunManifest) -> Frame<'_> {
         let (step, length) = (self.steps[index], manifest.frame_doubles());
         let beads = length / (2 + manifest.physics.extra_per_bead());

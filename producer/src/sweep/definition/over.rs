@@ -1,4 +1,4 @@
-//! What statistics are made over: seeds, or another key of the grid.
+//! The values over which statistics are made: seeds, or another key of the grid.
 
 use super::super::MAX_POINTS;
 use super::super::document::KeyPath;
@@ -7,20 +7,20 @@ use super::{Axis, Located, Reader, SweepError, Values, unknown_key};
 use schemas::config::line_at;
 use toml::Value;
 
-/// The key that statistics are made over unless the file names one.
+/// The key over which statistics are made, unless the file names another one.
 const SEED: &str = "seed";
 
-/// What an ensemble is made of.
+/// The values over which statistics are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in super::super) enum Over {
-    /// All that `[sample]` draws.
+    /// All values that `[sample]` draws.
     Sample,
     /// One key of the grid, by its place there.
     Axis(usize),
 }
 
 impl Reader<'_> {
-    /// The key `seed` with the values of `seeds = { from, count }`, if that is there.
+    /// The key `seed` with the values of `seeds = { from, count }`, if the file has that.
     pub(super) fn seeds(&self, value: Option<&Located<'_>>) -> Result<Option<Axis>, SweepError> {
         let Some(value) = value else { return Ok(None) };
         let plain = self.plain(value, "seeds")?;
@@ -42,7 +42,7 @@ impl Reader<'_> {
         Ok(Some(Axis { key, values: Values::Range(Range::whole(from, count), line) }))
     }
 
-    /// What the table `[ensemble]` names; without one the key `seed`, if the grid has it.
+    /// The choice of the table `[ensemble]`; without that table the key `seed`, if the grid has it.
     pub(super) fn over(
         &self,
         value: Option<&Located<'_>>,

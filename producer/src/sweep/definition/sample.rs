@@ -10,24 +10,25 @@ use super::{Located, Reader, Setting, SweepError, unknown_key};
 use schemas::config::line_at;
 use schemas::philox;
 
-/// Streams of random numbers, two for each range: no other use of a seed has them.
+/// Streams of random numbers, two for each range; no other use of a seed has these streams.
 const STREAMS: u32 = 0x5341_0000;
 
-/// How points are drawn.
+/// Method of drawing points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Method {
-    /// Each on its own.
+    /// Each point on its own.
     Random,
-    /// One in each of as many equal parts of each range as there are points, the parts of the ranges in random orders.
+    /// One point in each of as many equal parts of each range as there are points, with the parts of the ranges in
+    /// random orders.
     LatinHypercube,
-    /// Those of [`sobol`], moved by a random digital shift.
+    /// Points of [`sobol`], moved by a random digital shift.
     Sobol,
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "far below 2³²")]
 const MOST: u32 = MAX_POINTS as u32;
 
-/// Most points of a Latin hypercube: their orders are in memory.
+/// Most points of a Latin hypercube: memory holds their orders.
 const MOST_ORDERED: u32 = 100_000;
 
 const METHODS: [(&str, Method); 3] =
@@ -35,8 +36,8 @@ const METHODS: [(&str, Method); 3] =
 
 const KNOWN: [&str; 4] = ["method", "count", "seed", "ranges"];
 
-/// Values that are drawn together, each computed from the index of its sample; one sample that sets nothing where there is
-/// no table `[sample]`.
+/// Values that are drawn together, each computed from the index of its sample. Without a table `[sample]` there is one
+/// sample, which sets nothing.
 #[derive(Debug)]
 pub(in super::super) struct Samples {
     count: u32,
@@ -44,7 +45,7 @@ pub(in super::super) struct Samples {
     meaning: String,
 }
 
-/// A range, and what places its values.
+/// A range, and the places of its values.
 #[derive(Debug)]
 struct Side {
     key: KeyPath,
@@ -73,18 +74,18 @@ enum Draw {
 }
 
 impl Samples {
-    /// How many there are; at least one.
+    /// Number of samples; at least one.
     pub(in super::super) fn count(&self) -> u64 {
         self.count.into()
     }
 
-    /// What sample `index` sets.
+    /// The settings of sample `index`.
     pub(in super::super) fn at(&self, index: u64) -> Vec<Setting> {
         let index = u32::try_from(index).unwrap_or(u32::MAX);
         self.sides.iter().map(|side| side.setting(side.places.fraction(index, self.count))).collect()
     }
 
-    /// What samples at the ends of all ranges would set.
+    /// The settings of samples at the ends of all ranges.
     pub(in super::super) fn ends(&self) -> impl Iterator<Item = Setting> {
         self.sides.iter().flat_map(|side| [0.0, 1.0].map(|fraction| side.setting(fraction)))
     }
@@ -94,7 +95,7 @@ impl Samples {
         self.sides.iter().map(|side| side.key.to_string())
     }
 
-    /// What decides all values, wherever that is written.
+    /// Text that decides all values, independent of the layout of the file.
     pub(in super::super) fn meaning(&self) -> &str {
         &self.meaning
     }
@@ -235,7 +236,7 @@ mod tests {
         (0..count).map(|index| places.fraction(index, count)).collect()
     }
 
-    /// What makes a Latin hypercube: one sample in each part of each range.
+    /// The condition on a Latin hypercube: one sample in each part of each range.
     #[test]
     fn a_latin_hypercube_has_one_sample_in_each_part() {
         for (side, count) in [(0, 7), (3, 100)] {

@@ -9,13 +9,13 @@ use mcap::records::op;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-/// Handing a smaller chunk over takes longer than decompressing it.
+/// Smallest chunk for the thread: handing over a smaller one takes longer than decompressing it.
 const SMALLEST_CHUNK_BYTES: u64 = 1 << 16;
 
-/// The reader decompresses larger chunks itself, so that memory holds only one.
+/// Largest chunk for the thread. The reader decompresses larger ones itself, so that memory holds only one.
 const LARGEST_CHUNK_BYTES: u64 = 64 << 20;
 
-/// Most records between two chunks that are skipped: the first chunk's index for each channel. After more of them the
+/// Most records between two chunks that are skipped: the first chunk's index for each channel. If there are more, the
 /// reader decompresses the chunk itself.
 const MOST_BETWEEN: usize = 256;
 
@@ -26,9 +26,9 @@ pub(crate) struct Ahead {
     /// Chunks read since the last jump.
     in_sequence: usize,
     is_asked: bool,
-    /// Larger chunks are left to the reader.
+    /// Size of the largest chunk for the thread; the reader decompresses larger ones.
     most_bytes: u64,
-    /// Given to the thread with the next request.
+    /// Buffer that the thread gets with the next request.
     spare: Vec<u8>,
     /// Chunks that came from the thread.
     #[cfg(test)]
@@ -48,17 +48,17 @@ enum Thread {
 }
 
 struct Request {
-    /// Where the record after a chunk starts.
+    /// Offset of the record after a chunk.
     from: u64,
     buffer: Vec<u8>,
 }
 
 /// A chunk as it was found in the file.
 struct Ready {
-    /// Of the chunk record.
+    /// Offset of the chunk record.
     offset: u64,
     head: ChunkHead,
-    /// Of what follows the header in the file.
+    /// CRC of the bytes after the header in the file.
     crc_of_contents: u32,
     crc_of_records: u32,
     /// The records.
@@ -66,12 +66,12 @@ struct Ready {
 }
 
 impl Ahead {
-    /// Decompresses no chunk of more than `most_bytes`.
+    /// Makes one that decompresses chunks of up to `most_bytes`.
     pub(crate) fn within(most_bytes: u64) -> Self {
         Self { most_bytes: most_bytes.min(LARGEST_CHUNK_BYTES), ..Self::default() } // integers
     }
 
-    /// One that never starts a thread.
+    /// Makes one that never starts a thread.
     #[cfg(test)]
     pub(crate) fn off() -> Self {
         Self { thread: Thread::None, ..Self::default() }
@@ -151,14 +151,14 @@ fn start(records: &RecordReader, most_bytes: u64) -> Option<Thread> {
 }
 
 struct Worker {
-    /// With a position of its own.
+    /// A reader with a position of its own.
     records: RecordReader,
     most_bytes: u64,
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
 impl Worker {
-    /// The first chunk at `from` or after message indexes there, none if anything is wrong.
+    /// The first chunk at `from` or after message indexes there; none if anything is wrong.
     fn next_chunk(&mut self, from: u64, mut buffer: Vec<u8>) -> Option<Ready> {
         let offset = self.find_chunk(from)?;
         let body = self.records.body();

@@ -14,13 +14,13 @@ use std::path::Path;
 const MOST_CHUNK_BYTES: u64 = 64 << 20;
 
 /// Most bytes that zstd makes of one: a block of 128 KiB takes at least 4 bytes. So the size of the compressed chunk
-/// bounds the memory reserved for it, not the size that it claims.
+/// bounds the memory reserved for it, rather than the size that the chunk claims.
 const MOST_COMPRESSED: u64 = 1 << 15;
 
 /// The records of the current chunk. Keeps its buffer from chunk to chunk.
 #[derive(Default)]
 pub(crate) struct Chunk {
-    /// Of the chunk record in the file.
+    /// Offset of the chunk record in the file.
     offset: u64,
     /// Number of the chunk in the file, from 0.
     number: u64,
@@ -28,14 +28,14 @@ pub(crate) struct Chunk {
     buffer: Vec<u8>,
     /// Length of the chunk record without opcode and length.
     record_bytes: u64,
-    /// Where in the buffer the records start.
+    /// Start of the records in the buffer.
     start: usize,
-    /// Where in the buffer the next record starts.
+    /// Start of the next record in the buffer.
     next: usize,
-    /// Where in the buffer the records end.
+    /// End of the records in the buffer.
     end: usize,
     zstd: zstd::bulk::Decompressor<'static>,
-    /// Larger ones are not decompressed.
+    /// Size of the largest chunk that is decompressed.
     most_bytes: u64,
     pub(crate) ahead: Ahead,
 }
@@ -48,7 +48,8 @@ pub(crate) struct Inner {
 }
 
 impl Chunk {
-    /// No chunk yet, of a recording of the run `manifest`. A state of that run may have a chunk to itself, however large it is.
+    /// Makes an empty one for a recording of the run `manifest`. A state of that run may have a chunk to itself,
+    /// however large it is.
     pub(crate) fn of_run(manifest: &RunManifest) -> Self {
         let two_states = 16 * manifest.frame_doubles() as u64;
         let most_bytes = MOST_CHUNK_BYTES.max(two_states); // integers
@@ -135,7 +136,7 @@ impl Chunk {
         !self.buffer.is_empty()
     }
 
-    /// Whether the next record cannot be taken.
+    /// True if the next record cannot be taken.
     pub(crate) fn is_stuck(&self) -> bool {
         take_record(self.buffer.get(self.next..self.end).unwrap_or_default()).is_none()
     }
@@ -155,7 +156,7 @@ impl Chunk {
         self.offset
     }
 
-    /// Says which chunk of the file is loaded next.
+    /// Sets the number of the chunk that is loaded next.
     pub(crate) fn expect(&mut self, number: u64) {
         self.number = number;
         self.ahead.jump();
@@ -186,12 +187,12 @@ impl Chunk {
         Ok(Some(Inner { opcode: record.opcode, body }))
     }
 
-    /// How far the byte `at` of the buffer is from the first record.
+    /// Distance of the byte `at` of the buffer from the first record.
     pub(crate) fn place_of(&self, at: usize) -> u64 {
         at.saturating_sub(self.start) as u64
     }
 
-    /// What the places of records refer to.
+    /// The buffer to which the places of records refer.
     pub(crate) fn buffer(&self) -> &[u8] {
         &self.buffer
     }
@@ -205,9 +206,9 @@ pub(crate) struct ChunkHead {
     pub(crate) uncompressed_bytes: u64,
     pub(crate) crc: u32,
     pub(crate) is_compressed: bool,
-    /// Of what follows the header.
+    /// Length of the bytes after the header.
     pub(crate) compressed_bytes: u64,
-    /// Of the header itself.
+    /// Length of the header itself.
     pub(crate) bytes: usize,
 }
 

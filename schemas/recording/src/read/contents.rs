@@ -13,21 +13,21 @@ use std::sync::Arc;
 /// Most bytes that all schemas and channels of a file may take; ours take 3 kB.
 const MAX_DEFINITION_BYTES: usize = 16 << 20;
 
-/// What was read of a file beside its messages.
+/// The contents of a file beside its messages, as far as it was read.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
     schemas: BTreeMap<u16, Arc<Schema>>,
-    /// Of all schemas and channels.
+    /// Size of all schemas and channels.
     definition_bytes: usize,
-    /// By the number that messages give.
+    /// The channels, by the number that messages give.
     pub(crate) channels: BTreeMap<u16, Channel>,
     /// The configuration as the user gave it.
     pub(crate) run_toml: Option<String>,
-    /// Where it begins.
+    /// Beginning of the recording.
     pub(crate) begin: BeginRecord,
-    /// How the recording ended.
+    /// End of the recording.
     pub(crate) end: Option<EndRecord>,
-    /// The data section is closed.
+    /// True if the data section is closed.
     pub(crate) data_end: bool,
     /// Size of the chunks before compression.
     pub(crate) uncompressed_bytes: u64,
@@ -47,7 +47,7 @@ pub(crate) struct Channel {
     pub(crate) topic: String,
     pub(crate) message_encoding: String,
     pub(crate) metadata: BTreeMap<String, String>,
-    /// Shared by all channels that have it, however long its name is.
+    /// The schema, shared by all channels that have it, however long its name is.
     pub(crate) schema: Arc<Schema>,
 }
 
@@ -122,12 +122,12 @@ impl Contents {
         }
     }
 
-    /// Whether both have the same schemas and channels under the same numbers.
+    /// True if both have the same schemas and channels under the same numbers.
     pub(crate) fn has_same_definitions(&self, other: &Self) -> bool {
         self.schemas == other.schemas && self.channels == other.channels
     }
 
-    /// How many schemas there are.
+    /// Number of schemas.
     pub(crate) fn schema_count(&self) -> usize {
         self.schemas.len()
     }
@@ -196,7 +196,7 @@ pub(crate) struct Attachment<'a> {
     pub(crate) name: &'a [u8],
     pub(crate) media_type: &'a [u8],
     pub(crate) data: &'a [u8],
-    /// What stands before the CRC, and the CRC.
+    /// The bytes before the CRC, and the CRC.
     content: &'a [u8],
     crc: u32,
 }

@@ -4,7 +4,7 @@ use crate::proto;
 use prost::Message;
 use schemas::manifest::RunManifest;
 
-/// How many doubles the arrays of a state must have.
+/// Numbers of doubles in the arrays of a state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StateLengths {
     /// Values in displacement and in velocity.
@@ -14,7 +14,7 @@ pub(crate) struct StateLengths {
 }
 
 impl StateLengths {
-    /// Of the states of the run `manifest`.
+    /// Lengths of the states of the run `manifest`.
     pub(crate) fn of(manifest: &RunManifest) -> Self {
         let per_bead = 2 + manifest.physics.extra_per_bead();
         let beads = manifest.frame_doubles() / per_bead;
@@ -32,8 +32,8 @@ pub(crate) struct StateHead {
 
 /// Decodes a `ChainState`, its arrays `[u | v | extra]` into `doubles`.
 ///
-/// Messages of our writer are parsed here, with one copy of each double; every other valid encoding of the
-/// same message goes through prost.
+/// Messages of our writer are parsed here, with one copy of each double; prost parses every other valid encoding of
+/// the same message.
 pub(crate) fn state(
     message: &[u8],
     lengths: StateLengths,
@@ -56,7 +56,7 @@ pub(crate) fn state(
     }
 }
 
-/// Step and frame only; the arrays may be of any length.
+/// Decodes step and frame only; the arrays may be of any length.
 pub(crate) fn head(message: &[u8]) -> Result<StateHead, String> {
     if let Some(head) = canonical_of_any_length(message) {
         return Ok(head);
@@ -73,14 +73,14 @@ pub(crate) fn checked_head(message: &[u8], lengths: StateLengths) -> Result<Stat
     }
 }
 
-/// Longest `Summary` (bytes) that is read of the run `manifest`: a few times what one takes in any encoding.
-/// An entry takes at least two bytes in a message, and many times that in memory.
+/// Longest `Summary` (bytes) that is read of the run `manifest`: a few times the size in any encoding. An entry takes
+/// at least two bytes in a message, and many times that in memory.
 pub(crate) fn longest_summary(manifest: &RunManifest) -> usize {
     1024 + 128 * manifest.physics.impurities.len()
 }
 
-/// Frame, step and time of a `Summary`, whose first fields are those of a state; none if it is no summary of our
-/// writer's and no valid one.
+/// Frame, step and time of a `Summary`, whose first fields are those of a state; none if `message` is neither a
+/// summary of our writer nor a valid one.
 pub(crate) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
     let whole = message;
     let head = canonical_head(&mut message)?;
@@ -92,7 +92,7 @@ pub(crate) fn summary_head(mut message: &[u8]) -> Option<StateHead> {
     Some(StateHead { frame: Some(frame), step, time_s })
 }
 
-/// Whether `message` is a state with arrays of these lengths, encoded as our writer does.
+/// True if `message` is a state with arrays of these lengths, encoded as our writer does.
 pub(crate) fn is_canonical(message: &[u8], lengths: StateLengths) -> bool {
     canonical(message, lengths).is_some()
 }

@@ -27,7 +27,7 @@ struct Encoded {
 }
 
 impl EncodedStates {
-    /// Adds the state of `step`, encoded as `message`; `frame` is its number, or that of the frame before.
+    /// Adds the state of `step`, encoded as `message`. `frame` is its number, or the number of the frame before.
     pub fn push(&mut self, frame: u64, step: u64, message: &[u8]) {
         let state = self.append(message);
         self.entries.push(Encoded { frame, step, state, summary: None });
@@ -61,12 +61,12 @@ impl EncodedStates {
         }
     }
 
-    /// How many states there are.
+    /// Number of states.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Whether there are none.
+    /// True if there are no states.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -84,7 +84,7 @@ impl EncodedStates {
     /// The state at `index`, its arrays `[u | v | extra]` in `doubles`.
     ///
     /// # Errors
-    /// What is wrong with the message.
+    /// When the message is invalid, with the reason.
     pub fn decode<'a>(
         &self,
         index: usize,
@@ -104,7 +104,7 @@ impl EncodedStates {
     }
 }
 
-/// A summary that is not that of its state.
+/// A summary that does not match its state.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SummaryDifference {
     /// Step of the state.
@@ -115,7 +115,7 @@ pub struct SummaryDifference {
     pub field: String,
     /// The value in the summary.
     pub found: f64,
-    /// That of the state.
+    /// The value computed from the state.
     pub computed: f64,
 }
 
@@ -138,7 +138,7 @@ pub struct SummaryChecker {
 }
 
 impl SummaryChecker {
-    /// For the run `manifest`.
+    /// Makes one for the run `manifest`.
     pub fn new(manifest: &RunManifest) -> Self {
         Self {
             summarizer: Summarizer::new(&manifest.physics),

@@ -1,4 +1,4 @@
-//! Where the chunks of a file are, so that a state can be found without reading the file up to it.
+//! The places of a file's chunks, to find a state without reading the file up to it.
 //!
 //! Places are hints: a state is found by its step, and every chunk and message is checked when it is read, so a place
 //! that is wrong by accident only costs time. A forged place may lead to bytes that look like chunks of the run,
@@ -15,21 +15,21 @@ use std::ops::Range;
 use std::path::Path;
 use storage::Reader;
 
-/// More places are thinned out; these take 12 MiB. A reader goes through everything between two of them.
+/// Most places, 12 MiB of them; more are thinned out. A reader goes through everything between two of them.
 const MOST_PLACES: usize = 1 << 19;
 
 /// A place in a file where reading may begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ChunkPlace {
-    /// Of a chunk record, or of the first record.
+    /// Offset of a chunk record, or of the first record.
     pub(crate) offset: u64,
     /// Number of the next chunk from there on.
     pub(crate) number: u64,
-    /// Smallest log time in it (ns).
+    /// Smallest log time in that chunk (ns).
     start_ns: u64,
-    /// Where it ends, and those after it that have no place.
+    /// End of that chunk, and of the chunks after it that have no place.
     end: u64,
-    /// Largest log time in it (ns).
+    /// Largest log time in them (ns).
     end_ns: u64,
 }
 
@@ -39,13 +39,13 @@ pub(crate) struct Index {
     places: Vec<ChunkPlace>,
     /// The channels of the file, if it has a summary.
     pub(crate) known: Contents,
-    /// Every so many chunks have a place.
+    /// Number of chunks from one place to the next.
     every: u64,
 }
 
 impl Index {
-    /// Of the file `path`: from its summary section if it has a valid one, else from the headers of its chunks,
-    /// which are not decompressed.
+    /// Reads the index of the file `path`: from its summary section if it has a valid one, else from the headers of
+    /// its chunks, which are not decompressed.
     pub(crate) fn read(path: &Path) -> Result<Self, ReadError> {
         let mut records = RecordReader::at_end(path)?;
         match Self::from_summary(&mut records) {
@@ -54,8 +54,8 @@ impl Index {
         }
     }
 
-    /// A reader of the file `path` at its first record; and the index if each stretch of the file costs a request. Then what
-    /// a reader of states begins with comes in one: everything up to the end of the first chunk.
+    /// A reader of the file `path` at its first record; and the index if each stretch of the file costs a request. One
+    /// request then brings everything that a reader of states begins with, up to the end of the first chunk.
     pub(crate) fn and_reader(path: &Path) -> Result<(Option<Self>, RecordReader), ReadError> {
         let mut records = RecordReader::at_end(path)?;
         let mut index = None;
@@ -68,7 +68,7 @@ impl Index {
         Ok((index, records))
     }
 
-    /// Only the beginning of the file: everything is read through.
+    /// Makes an index with only the beginning of the file: a reader goes through the whole file.
     pub(crate) fn beginning() -> Self {
         let first =
             ChunkPlace { offset: mcap::MAGIC.len() as u64, number: 0, start_ns: 0, end: 0, end_ns: 0 };
@@ -154,13 +154,13 @@ impl Index {
         place.offset..last.map_or(place.offset, |last| last.end)
     }
 
-    /// The same from the beginning of the file on.
+    /// Like [`stretch`](Self::stretch), from the beginning of the file on.
     pub(crate) fn stretch_from_the_beginning(&self, until_ns: u64) -> Range<u64> {
         self.places.first().map_or(0..0, |first| self.stretch(*first, until_ns))
     }
 
-    /// The last place from which the first state, as `first_step` finds it, is not after `step`; or the
-    /// beginning. Correct log times spare all tries but one.
+    /// The last place whose first state, as `first_step` finds it, is not after `step`; or the beginning. With correct
+    /// log times the first try succeeds.
     pub(crate) fn find(
         &self,
         step: u64,

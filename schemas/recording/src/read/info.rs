@@ -1,4 +1,4 @@
-//! What a recording holds, found without reading all of it where possible.
+//! The contents of a recording, found without reading all of it where possible.
 
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
@@ -22,7 +22,7 @@ const FOOTER_BYTES: u64 = 9 + 20 + 8;
 const GLANCE_BYTES: u64 = 4 << 30;
 const GLANCE_TIMES: u64 = 64;
 
-/// What is in a recording.
+/// Contents of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingInfo {
     /// The file.
@@ -41,13 +41,13 @@ pub struct RecordingInfo {
     pub file_bytes: u64,
     /// Size of the chunks before compression.
     pub uncompressed_bytes: u64,
-    /// Where it begins, if not with the run.
+    /// Beginning of the recording, if it does not begin with the run.
     pub begin: BeginRecord,
-    /// How it ended, absent if it was not closed.
+    /// End of the recording, absent if it was not closed.
     pub end: Option<EndRecord>,
-    /// It was closed properly.
+    /// True if the file was closed properly.
     pub finished: bool,
-    /// The damage that was met, if any; the numbers then hold up to it.
+    /// The first damage found, if any; the numbers then hold up to it.
     pub damage: Option<String>,
 }
 
@@ -74,16 +74,16 @@ impl RecordingInfo {
         Self::within(path, |_| u64::MAX)
     }
 
-    /// The same in a time that is bounded by the size of the file: 4 GiB of chunks before compression, and 64 times its
-    /// size, are looked at, if it has no summary.
+    /// Like [`read`](Self::read), in a time that is bounded by the size of the file: if the file has no summary, only
+    /// 4 GiB of chunks before compression, and 64 times its size, are read.
     ///
     /// # Errors
-    /// As [`read`](Self::read); [`damage`](Self::damage) says what was not looked at.
+    /// As [`read`](Self::read); [`damage`](Self::damage) names the part that was not read.
     pub fn glance(path: &Path) -> Result<Self, ReadError> {
         Self::within(path, |file_bytes| file_bytes.saturating_mul(GLANCE_TIMES).saturating_add(GLANCE_BYTES))
     }
 
-    /// Only from its beginning and its summary: of a file without a summary no state is counted, and none is read.
+    /// Reads only the beginning and the summary. Without a summary it reads and counts no states.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -132,14 +132,14 @@ impl RecordingInfo {
         self.channels.iter().filter(|channel| channel.topic == topic).map(|channel| channel.messages).sum()
     }
 
-    /// Whether the recording goes from the beginning of the run to its last step, with as many states as are due.
+    /// True if the recording goes from the beginning of the run to its last step, with as many states as are due.
     pub fn is_complete(&self) -> bool {
         let ends =
             self.reaches_the_end() && self.end.as_ref().is_some_and(|end| end.reason == EndReason::Complete);
         ends && self.begin.first_step == 0 && self.frames() >= self.manifest.recorded_count()
     }
 
-    /// Whether it was closed after the last step of the run.
+    /// True if the file was closed after the last step of the run.
     pub fn reaches_the_end(&self) -> bool {
         self.finished && self.last_step == Some(self.manifest.physics.step_count)
     }
@@ -156,7 +156,7 @@ impl RecordingInfo {
     }
 }
 
-/// Counts everything.
+/// Reads all messages and counts them.
 fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
     let path = messages.path().to_owned();
     let mut counts = BTreeMap::new();
@@ -220,7 +220,7 @@ pub(crate) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<S
     Some(contents.by_topic(|id, _| Some(count(id))))
 }
 
-/// What the summary section of a closed file says.
+/// Contents of the summary section of a closed file.
 struct SummarySection {
     contents: Contents,
     statistics: Statistics,

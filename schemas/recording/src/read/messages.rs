@@ -25,21 +25,21 @@ pub(crate) struct MessageReader {
     records: RecordReader,
     chunk: Chunk,
     in_chunk: bool,
-    /// Not everything before was read.
+    /// True if a part of the file before was skipped.
     sought: bool,
-    /// How many more records chunks may hold: each takes some bytes of the file, if only in an index.
+    /// Number of further records that chunks may hold: each takes some bytes of the file, if only in an index.
     inner_left: u64,
-    /// Chunks are read up to this many bytes before compression.
+    /// Size before compression of the largest chunk that is read.
     most_expanded: u64,
     contents: Contents,
     manifest: RunManifest,
-    /// Where the record read last begins.
+    /// Offset of the record read last.
     record_start: u64,
     /// Its opcode, 0 while that is not known.
     opcode: u8,
-    /// The chunk's CRC holds.
+    /// True if the chunk's CRC holds.
     is_checked: bool,
-    /// What goes on after damage, if anything does.
+    /// State of a reader that goes on after damage; none if the reader does not go on.
     salvage: Option<Box<Salvage>>,
     /// The message read last.
     last: Option<Place>,
@@ -52,13 +52,13 @@ pub(crate) struct RawMessage<'a> {
     pub(crate) head: MessageHeader,
     pub(crate) channel: &'a Channel,
     pub(crate) data: &'a [u8],
-    /// Of the chunk or record in the file.
+    /// Offset of the chunk or record in the file.
     pub(crate) offset: u64,
-    /// No checksum is known to be wrong. Otherwise the message may be anything.
+    /// True if no checksum is known to be wrong. Otherwise the message may be anything.
     pub(crate) is_checked: bool,
 }
 
-/// Where a message is, before it is lent.
+/// Place of a message, before it is lent.
 #[derive(Debug, Clone)]
 struct Place {
     head: MessageHeader,
@@ -78,7 +78,7 @@ impl MessageReader {
         Self::of(RecordReader::open(path)?)
     }
 
-    /// Reads the manifest that `records`, at its first record, has.
+    /// Makes a reader of `records`, which is at its first record, and reads the manifest.
     pub(crate) fn of(records: RecordReader) -> Result<Self, ReadError> {
         let messages = Self::glance(records)?;
         let wrong = |source| ReadError::Manifest { path: messages.path().to_owned(), source };
@@ -86,7 +86,7 @@ impl MessageReader {
         Ok(messages)
     }
 
-    /// The same for one who computes nothing: see [`RunManifest::glance`].
+    /// Like [`of`](Self::of), for a caller that computes nothing: see [`RunManifest::glance`].
     pub(crate) fn glance(mut records: RecordReader) -> Result<Self, ReadError> {
         let path = &records.path().to_owned();
         check_profile(path, records.next()?)?;
@@ -139,7 +139,7 @@ impl MessageReader {
         self.salvage.as_ref().map(|salvage| salvage.damages()).unwrap_or_default()
     }
 
-    /// What a reader that goes on keeps.
+    /// The state of a reader that goes on after damage.
     pub(crate) fn salvage(&mut self) -> Option<&mut Salvage> {
         self.salvage.as_deref_mut()
     }
@@ -165,23 +165,23 @@ impl MessageReader {
         &self.contents
     }
 
-    /// For reading on by other means.
+    /// Takes the reader apart, for reading on by other means.
     pub(crate) fn into_parts(self) -> (RecordReader, Contents, RunManifest) {
         (self.records, self.contents, self.manifest)
     }
 
-    /// Whether the file was closed properly, known at its end.
+    /// True if the file was closed properly; known at its end.
     pub(crate) fn is_finished(&self) -> bool {
         self.records.is_closed() && self.contents.data_end && self.contents.end.is_some()
     }
 
-    /// Why no more messages come, known at the end.
+    /// Why no more messages come; known at the end.
     pub(crate) fn end_reason(&self) -> EndReason {
         let end = self.contents.end.as_ref().filter(|_| self.is_finished());
         end.map_or(EndReason::Unfinished, |end| end.reason)
     }
 
-    /// Fails if there is no channel of `topic`, known at the end.
+    /// Fails if there is no channel of `topic`; known at the end.
     pub(crate) fn check_has(&self, topic: &'static str) -> Result<(), ReadError> {
         if self.contents.channels.values().any(|channel| channel.topic == topic) {
             return Ok(());
@@ -190,8 +190,8 @@ impl MessageReader {
         Err(ReadError::NoChannel { path, topic, found })
     }
 
-    /// Goes on reading at `place`. `known` has the channels known to be defined before it;
-    /// messages of others are then passed over.
+    /// Goes on reading at `place`. `known` has the channels known to be defined before it; messages of other channels
+    /// are then passed over.
     pub(crate) fn seek(&mut self, place: ChunkPlace, known: &Contents) -> Result<(), ReadError> {
         self.sought = true;
         // whoever goes back and forth reads them again
@@ -207,7 +207,7 @@ impl MessageReader {
         self.records.seek(place.offset)
     }
 
-    /// Says which bytes of the file will be read, and whether more may be after them.
+    /// Announces the bytes of the file that will be read, and whether more may follow after them.
     pub(crate) fn expect(&mut self, bytes: Range<u64>, and_more: bool) {
         self.records.expect(bytes, and_more);
     }
@@ -341,7 +341,7 @@ impl MessageReader {
         Ok(Step::Other)
     }
 
-    /// After the last record that can be read.
+    /// Ends the file after the last record that can be read.
     fn end_of_records(&mut self) -> Result<Step, ReadError> {
         let left = self.records.file_bytes() - self.record_start;
         if self.salvage.is_some() && left > 0 {
@@ -363,7 +363,7 @@ impl MessageReader {
     }
 }
 
-/// What reading on has brought.
+/// Result of reading on.
 enum Step {
     Message(Place),
     Other,
@@ -377,7 +377,7 @@ impl Place {
     }
 }
 
-/// Whether a record may stand in this place, in the data section or after it.
+/// True if a record may stand in this place, in the data section or after it.
 fn is_expected(opcode: u8, body: &[u8], data_end: bool) -> bool {
     const PRIVATE: u8 = 0x80;
     match opcode {

@@ -10,20 +10,20 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
 
-/// The messages of a recording that are not its chain, states or summaries, to be copied whole into
-/// another one, whatever they are.
+/// The messages of a recording other than its chain, states and summaries, to be copied whole into another recording,
+/// whatever they are.
 ///
 /// They are copied in the order of the file and by their log times, so that they stand in the new file
 /// after the frames that they belong to. Reads the file apart from the reader of states.
 pub struct OtherChannels {
     messages: MessageReader,
     copier: OtherCopier,
-    /// Read, but not copied yet, because it is later than the time asked for.
+    /// A message that was read but not copied yet, because it is later than the time asked for.
     pending: Option<(ChannelId, MessageHeader)>,
-    /// Its contents.
+    /// The contents of that message.
     pending_bytes: Vec<u8>,
     copied_count: u64,
-    /// There are no more.
+    /// True if there are no more messages.
     ended: bool,
 }
 
@@ -125,7 +125,7 @@ impl<'a> OtherMessage<'a> {
         &self.message.channel.topic
     }
 
-    /// Whether the CRC of its chunk holds.
+    /// True if the CRC of its chunk holds.
     pub fn is_checked(&self) -> bool {
         self.message.is_checked
     }

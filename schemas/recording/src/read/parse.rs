@@ -7,7 +7,7 @@ use mcap::records::{Record, op};
 /// 20 MB.
 pub(crate) const MAX_STRUCTURE_BYTES: usize = 64 << 20;
 
-/// What a record is made of.
+/// A part of a record.
 #[derive(Debug, Clone, Copy)]
 enum Part {
     /// That many bytes.
@@ -22,7 +22,7 @@ enum Part {
     Pairs,
 }
 
-/// The record, or why it is none.
+/// The record, or the reason why `body` is not one.
 pub(crate) fn parse_record(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
     use Part::{Bytes, Fixed, Pairs, Text, Texts};
     let parts: &[Part] = match opcode {
@@ -48,7 +48,7 @@ pub(crate) fn parse_record(opcode: u8, body: &[u8]) -> Result<Record<'_>, String
     mcap::parse_record(opcode, body).map_err(|error| error.to_string())
 }
 
-/// What follows the part, if it is whole.
+/// The bytes after the part, if it is whole.
 fn after(part: Part, bytes: &[u8]) -> Option<&[u8]> {
     if let Part::Fixed(count) = part {
         return bytes.get(count..);

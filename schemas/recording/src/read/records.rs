@@ -23,25 +23,25 @@ pub(crate) struct RecordReader {
     path: PathBuf,
     file: Reader,
     size: u64,
-    /// Where to stop: the end of the file, or of its footer.
+    /// Offset at which reading stops: the end of the file, or of its footer.
     end: u64,
     position: u64,
-    /// The file ends as a closed MCAP file does.
+    /// True if the file ends as a closed MCAP file does.
     closed: bool,
-    /// Of the section so far.
+    /// CRC of the section so far.
     crc: crc32fast::Hasher,
     section: Section,
-    /// Of what follows the header of the chunk read last.
+    /// CRC of the bytes after the header of the chunk read last.
     chunk_crc: u32,
     body: Vec<u8>,
 }
 
-/// What a CRC covers.
+/// Section that a CRC covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Section {
     Data,
     Summary,
-    /// Read from somewhere within.
+    /// A section that is not read from its start, so that its CRC cannot be checked.
     Part,
 }
 
@@ -49,20 +49,20 @@ enum Section {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RawRecord<'a> {
     pub(crate) opcode: u8,
-    /// Of its opcode in the file.
+    /// Offset of its opcode in the file.
     pub(crate) offset: u64,
     pub(crate) body: &'a [u8],
 }
 
 impl RecordReader {
-    /// At the first record of the file `path`.
+    /// Makes a reader at the first record of the file `path`.
     pub(crate) fn open(path: &Path) -> Result<Self, ReadError> {
         let mut records = Self::at_end(path)?;
         records.begin()?;
         Ok(records)
     }
 
-    /// Of the file `path`, of which only the end was looked at: an object behind a URL comes with its end.
+    /// Makes a reader of the file `path` that has read only the end: an object behind a URL comes with its end.
     pub(crate) fn at_end(path: &Path) -> Result<Self, ReadError> {
         let io = ReadError::io(path);
         let not_mcap = || ReadError::NotMcap { path: path.to_owned() };
@@ -119,7 +119,7 @@ impl RecordReader {
         self.chunk_crc
     }
 
-    /// Whether the file ends as a closed MCAP file does.
+    /// True if the file ends as a closed MCAP file does.
     pub(crate) fn is_closed(&self) -> bool {
         self.closed
     }
@@ -129,17 +129,17 @@ impl RecordReader {
         self.size
     }
 
-    /// Whether each stretch of the file costs a request.
+    /// True if each stretch of the file costs a request.
     pub(crate) fn is_remote(&self) -> bool {
         self.file.is_remote()
     }
 
-    /// Says which bytes will be read, and whether more may be after them.
+    /// Announces the bytes that will be read, and whether more may follow after them.
     pub(crate) fn expect(&mut self, bytes: Range<u64>, and_more: bool) {
         self.file.expect(bytes, and_more);
     }
 
-    /// Whether reading at `offset` was expected.
+    /// True if reading at `offset` was expected.
     pub(crate) fn expects(&self, offset: u64) -> bool {
         self.file.expects(offset)
     }
@@ -149,12 +149,12 @@ impl RecordReader {
         self.file.fill_buf().ok()?.first().copied()
     }
 
-    /// Where the next record starts.
+    /// Offset of the next record.
     pub(crate) fn position(&self) -> u64 {
         self.position
     }
 
-    /// Goes on reading at `offset`, somewhere within a section: the CRC of the rest of that section is not checked,
+    /// Goes on reading at `offset`, somewhere within a section. The CRC of the rest of that section is not checked;
     /// those of each chunk and of the next section are.
     pub(crate) fn seek(&mut self, offset: u64) -> Result<(), ReadError> {
         self.section = Section::Part;
@@ -195,7 +195,7 @@ impl RecordReader {
         Ok(Some(RawRecord { opcode, offset, body: &self.body }))
     }
 
-    /// Reads `bytes` bytes from `offset` on in place of a record, or as many as there are. The caller then says with
+    /// Reads `bytes` bytes from `offset` on in place of a record, or as many as there are. The caller then sets with
     /// [`seek`](Self::seek) where reading goes on.
     pub(crate) fn read_part(&mut self, offset: u64, bytes: u64) -> Result<&[u8], ReadError> {
         self.seek(offset)?;
@@ -282,7 +282,7 @@ impl RecordReader {
         }
     }
 
-    /// The footer at `offset` is the last record, and only the magic follows.
+    /// Checks that the footer at `offset` is the last record, and that only the magic follows.
     fn finish(&mut self, offset: u64) -> Result<(), ReadError> {
         self.end = self.position;
         let after = self.size - self.position;
@@ -302,7 +302,7 @@ pub(crate) fn chunk_header_bytes(body: &[u8]) -> usize {
     (COMPRESSION + 4 + 8).saturating_add(name_bytes.unwrap_or(0)).min(body.len())
 }
 
-/// Of what follows the header of the chunk record `body`.
+/// CRC of the bytes after the header of the chunk record `body`.
 fn crc_of_contents(body: &[u8]) -> u32 {
     crc32fast::hash(body.get(chunk_header_bytes(body)..).unwrap_or_default())
 }

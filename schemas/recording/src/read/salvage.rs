@@ -1,4 +1,4 @@
-//! Reading on after damage: what is noted, and where in the file reading goes on.
+//! Reading on after damage: the notes about it, and the place in the file where reading goes on.
 
 use crate::error::ReadError;
 use crate::head;
@@ -10,39 +10,39 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// The damages that are kept; more are only counted.
+/// Largest number of damages that are kept; more are only counted.
 pub const MOST_DAMAGES: usize = 100;
 
-/// Bytes of a file that are looked at together.
+/// Bytes of a file that are searched together.
 const WINDOW_BYTES: usize = 1 << 16;
 
 /// Opcode, length and the header of a chunk, or the name of metadata.
 const CANDIDATE_BYTES: usize = 9 + ChunkHead::MAX_BYTES;
 
-/// Metadata longer than this is not looked for.
+/// Longest metadata that a search looks for.
 const MAX_METADATA_BYTES: u64 = 1 << 16;
 
 /// A damaged place in a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Damage {
-    /// What it is a place of.
+    /// Kind of the damaged place.
     pub kind: DamageKind,
     /// Number of the chunk, from 0, if it is one or is in one.
     pub chunk: Option<u64>,
-    /// Where it begins in the file.
+    /// Offset of the damage in the file.
     pub offset_bytes: u64,
-    /// How long it is.
+    /// Length of the damage.
     pub length_bytes: u64,
-    /// What was expected and found.
+    /// The expected and the found contents.
     pub what: String,
     /// Log times (ns) of the first and the last message, as the chunk's header has them.
     pub time_range_ns: Option<(u64, u64)>,
-    /// Missing frames: between the last state before and the first one after it.
-    /// Known once that is read.
+    /// Missing frames: between the last state before and the first one after the damage. Known once the latter is
+    /// read.
     pub frames: Option<LostFrames>,
 }
 
-/// What is damaged.
+/// Kind of a damaged place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DamageKind {
@@ -58,21 +58,20 @@ pub enum DamageKind {
     Section,
     /// A message with correct checksums and impossible contents.
     Message,
-    /// The file's description of itself: an index, its statistics, a second manifest. No message is
-    /// lost with it.
+    /// The file's description of itself: an index, its statistics, a second manifest. No message is lost with it.
     Description,
 }
 
-/// Frames that should be in a place.
+/// Frames that a damaged place should have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LostFrames {
     /// The first one.
     pub from: u64,
-    /// The last one; not known where a file was cut off.
+    /// The last one; unknown where a file was cut off.
     pub to: Option<u64>,
 }
 
-/// As a pair.
+/// Serialized as a pair.
 impl Serialize for LostFrames {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         (self.from, self.to).serialize(serializer)
@@ -95,7 +94,7 @@ impl DamageKind {
 }
 
 impl Damage {
-    /// What is known at first.
+    /// Makes a damage with the facts that are known at first.
     pub(crate) fn at(
         kind: DamageKind,
         chunk: Option<u64>,
@@ -108,7 +107,7 @@ impl Damage {
 }
 
 impl fmt::Display for Damage {
-    /// Without the frames.
+    /// Writes the damage without its frames.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(chunk) = self.chunk {
             write!(f, "chunk {chunk} ")?;
@@ -120,31 +119,31 @@ impl fmt::Display for Damage {
     }
 }
 
-/// What a reader that goes on after damage keeps.
+/// The state of a reader that goes on after damage.
 #[derive(Debug)]
 pub(crate) struct Salvage {
     damages: Vec<Damage>,
     count: u64,
-    /// How many of them concern only the file's description of itself.
+    /// Number of damages that concern only the file's description of itself.
     descriptions: u64,
-    /// What the summary section must say.
+    /// The summary section that the file must have.
     pub(crate) layout: Layout,
-    /// Everything before was read, or cannot be.
+    /// Offset up to which everything was read, or cannot be read.
     pub(crate) sound_end: u64,
     /// Bytes that searches, and candidates that prove not to be chunks, may still read and decompress.
     work_bytes: u64,
-    /// Nothing more comes.
+    /// True if nothing more comes.
     pub(crate) ended: bool,
-    /// The last chunk was damaged, and its message indexes count what is lost.
+    /// True if the last chunk was damaged, so that its message indexes count the lost messages.
     pub(crate) counts_lost: bool,
     /// Messages of damaged chunks, by the number of the channel, as far as indexes count them.
     pub(crate) lost: BTreeMap<u16, u64>,
-    /// The channels of the summary section were looked for.
+    /// True if the channels of the summary section were looked for.
     pub(crate) asked_summary: bool,
 }
 
 impl Salvage {
-    /// Begins after the head of a file of `file_bytes`.
+    /// Makes one after the head of a file of `file_bytes`.
     pub(crate) fn new(sound_end: u64, file_bytes: u64) -> Self {
         Self {
             damages: Vec::new(),
@@ -205,9 +204,9 @@ impl Salvage {
 /// A place where reading may go on.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Candidate {
-    /// What looks like a chunk record.
+    /// A place that looks like a chunk record.
     Chunk { offset: u64, head: ChunkHead },
-    /// What looks like the metadata of the end.
+    /// A place that looks like the metadata of the end.
     End { offset: u64 },
 }
 
@@ -232,7 +231,7 @@ pub(crate) fn find(records: &mut RecordReader, from: u64, bad: u64) -> Result<Op
     }
 }
 
-/// What may begin with `bytes`, which the file has from `offset` on.
+/// The record that may begin with `bytes`, which the file has from `offset` on.
 fn candidate(bytes: &[u8], offset: u64, bad: u64, file_bytes: u64) -> Option<Candidate> {
     let opcode = bytes.first()?;
     if ![op::CHUNK, op::METADATA].contains(opcode) {
@@ -252,7 +251,7 @@ fn candidate(bytes: &[u8], offset: u64, bad: u64, file_bytes: u64) -> Option<Can
         .then_some(Candidate::Chunk { offset, head })
 }
 
-/// Whether only zeros follow `from`, as some file systems leave it after a power failure.
+/// True if only zeros follow `from`, as some file systems leave it after a power failure.
 pub(crate) fn is_zero_from(records: &mut RecordReader, from: u64) -> Result<bool, ReadError> {
     let mut start = from;
     loop {

@@ -14,13 +14,12 @@ use std::path::Path;
 
 /// Reads the frames of a recording, finished or not, in the order of the file.
 ///
-/// Frames come as they were recorded: one every `record_every_steps`, the first and the last. What lies
-/// between them is not missing and is not reported; [`Received::Missed`] names frames that the manifest's
-/// schedule says are recorded from the beginning of the file on, but that are not in it. Frames before that
-/// beginning, in other parts or in none, are not missing either. A file that was not closed ends with
-/// [`EndReason::Unfinished`] after its last whole chunk. States without a frame number, which were
-/// recomputed between frames, are passed over by [`open`](Self::open), and lent by
-/// [`open_all`](Self::open_all) under the number of the frame before.
+/// Frames come as they were recorded: one every `record_every_steps`, the first and the last. The steps between them
+/// are not missing and are not reported. [`Received::Missed`] names frames that are not in the file although the
+/// manifest's schedule says that they are recorded from the beginning of the file on. Frames before that beginning, in
+/// other parts or in none, are not missing either. A file that was not closed ends with [`EndReason::Unfinished`]
+/// after its last whole chunk. [`open`](Self::open) passes over states without a frame number, which were recomputed
+/// between frames; [`open_all`](Self::open_all) lends them under the number of the frame before.
 ///
 /// Every state is checked: CRC of its chunk, lengths, order, frame and time against the manifest; at the end
 /// the CRC of the data section, unless a part of it was skipped by [`seek_to_step`](Self::seek_to_step), and the
@@ -28,17 +27,17 @@ use std::path::Path;
 pub struct RecordingSource {
     messages: MessageReader,
     lengths: StateLengths,
-    /// Also states between frames.
+    /// True if states between frames are lent, too.
     all: bool,
-    /// Read when it is needed.
+    /// The index of the file, read when it is needed.
     index: Option<Index>,
-    /// The step at which it ends before its end.
+    /// The step at which the source ends before the end of the file.
     until: Option<u64>,
     /// `[u | v | extra]` of the state read last.
     doubles: Vec<f64>,
-    /// Read, but not lent.
+    /// The state that was read but not lent.
     next: Pending,
-    /// Everything recorded up to this step has been lent or reported.
+    /// Step up to which everything recorded has been lent or reported.
     accounted: Option<u64>,
     /// Step of the state in `doubles`.
     read: Option<u64>,
@@ -95,8 +94,8 @@ impl RecordingSource {
         Ok(source)
     }
 
-    /// Ends with the first state at or after `step`, as if it were interrupted: whoever reads ahead reads no more, and so much is
-    /// asked for at once where each stretch of the file costs a request.
+    /// Ends with the first state at or after `step`, as if the recording were interrupted. The source reads ahead no
+    /// further. Where each stretch of the file costs a request, it asks for all bytes up to there at once.
     pub fn end_at(&mut self, step: u64) {
         self.until = Some(step);
         if let Some(index) = &self.index {
@@ -110,10 +109,10 @@ impl RecordingSource {
     }
 
     /// Goes to the last state at or before `step`, or to the first state if all are after it; may be called at any
-    /// time. Frames missing between `step` and the next state are reported, those before `step` are not.
+    /// time. The source reports frames missing between `step` and the next state, but none before `step`.
     ///
-    /// The chunk is found by the file's index, or by the headers of its chunks if it has none, so that this
-    /// costs about two chunks, wherever the state is.
+    /// The file's index leads to the chunk, or the headers of its chunks if the file has none, so that this costs
+    /// about two chunks, wherever the state is.
     ///
     /// # Errors
     /// When the file cannot be read, or is damaged up to that state as far as it must be read.
@@ -244,7 +243,7 @@ impl RecordingSource {
         Ok(Pending::End { reason: end.reason, last_step })
     }
 
-    /// The frames that should come before step `next` (or up to it, if `included`) but do not.
+    /// The frames that are missing before step `next` (or up to it, if `included`).
     fn missed_before(&self, next: u64, included: bool) -> Option<(u64, u64)> {
         self.schedule().missed(self.accounted, next, included)
     }

@@ -25,7 +25,7 @@ use schemas::manifest::{KERNEL_VERSIONS, RunManifest};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The ranges of missing frames that are kept; more are only counted.
+/// Largest number of ranges of missing frames that are kept; more are only counted.
 const MOST_RANGES: usize = 100;
 
 /// Reads every readable message of a recording and notes everything wrong: damage to the file, and messages with
@@ -34,16 +34,17 @@ pub struct Audit {
     messages: MessageReader,
     manifest: RunManifest,
     lengths: StateLengths,
-    /// The chain must be ours of this manifest; another version may have resolved it in another way.
+    /// True if the chain must be the one that this program resolves from the manifest; another version may resolve it
+    /// in another way.
     is_resolved_by_us: bool,
     chain_count: u64,
     /// Step of the first checked state.
     first_step: Option<u64>,
     /// Step of the last checked state.
     last_step: Option<u64>,
-    /// The last state has no summary so far; how many damages there were then.
+    /// The step of the last state, while it has no summary, and the number of damages at that time.
     awaited: Option<(u64, usize)>,
-    /// The damages before this one know their frames.
+    /// Number of damages, from the first on, whose frames are known.
     placed: usize,
     missing: Vec<(u64, u64)>,
     missing_count: u64,
@@ -57,10 +58,10 @@ pub struct Audit {
     has_summary_section: bool,
 }
 
-/// What a recording has next.
+/// The next contents of a recording.
 #[derive(Debug)]
 pub enum Audited<'a> {
-    /// A state of this run, after those before.
+    /// A state of this run, after the states before.
     State(RecordedState<'a>),
     /// The summary of the last state, encoded.
     Summary(&'a [u8]),
@@ -91,7 +92,7 @@ enum Kind {
     End,
 }
 
-/// What a message was found to say.
+/// The contents found in a message.
 enum Said {
     State(Result<StateHead, String>),
     Summary(Option<StateHead>),
@@ -108,7 +109,7 @@ impl Audit {
     ///
     /// # Errors
     /// When it cannot be read, is no recording, is of another major schema version, or its manifest is damaged:
-    /// nothing in the file has a meaning without it.
+    /// without the manifest nothing in the file has a meaning.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let messages = MessageReader::salvaging(path)?;
         let manifest = messages.manifest().clone();
@@ -136,7 +137,7 @@ impl Audit {
         })
     }
 
-    /// The head of the recording `path`: where it begins, and the configuration as the user gave it.
+    /// The head of the recording `path`: its beginning, and the configuration as the user gave it.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -147,7 +148,7 @@ impl Audit {
         Ok((contents.begin.clone(), contents.run_toml.clone()))
     }
 
-    /// Messages of each topic that the recording `path` should have, if its summary section says so.
+    /// Numbers of messages that the recording `path` should have, by topic, if its summary section has them.
     pub fn expected_counts(path: &Path) -> Option<BTreeMap<String, u64>> {
         info::counts_of_summary(&mut RecordReader::open(path).ok()?)
     }
@@ -162,12 +163,12 @@ impl Audit {
         self.messages.file_bytes()
     }
 
-    /// Where the recording begins; known with the first state.
+    /// Beginning of the recording; known with the first state.
     pub fn begin(&self) -> &BeginRecord {
         &self.messages.contents().begin
     }
 
-    /// How it ended, if that can be read; known at the end.
+    /// End of the recording, if it can be read; known at the end.
     pub fn end(&self) -> Option<&EndRecord> {
         self.messages.contents().end.as_ref()
     }
@@ -182,7 +183,7 @@ impl Audit {
         self.messages.damages()
     }
 
-    /// How many damages there are.
+    /// Number of damages.
     pub fn damage_count(&self) -> u64 {
         self.messages.damage_count()
     }
@@ -192,7 +193,7 @@ impl Audit {
         &self.rows
     }
 
-    /// How many messages there are of each topic that is neither of the frames nor of results; known at the end.
+    /// Numbers of messages of each topic that is neither of the frames nor of results; known at the end.
     pub fn foreign_counts(&self) -> BTreeMap<String, u64> {
         self.messages.contents().by_topic(|id, topic| {
             let is_foreign = !proto::OF_FRAMES.contains(&topic) && !self.rows.contains_key(topic);
@@ -209,7 +210,7 @@ impl Audit {
         self.messages.loss_count()
     }
 
-    /// Whether it has a summary section, which was then compared with the rest; known at the end.
+    /// True if the file has a summary section, which was then compared with the rest; known at the end.
     pub fn has_summary_section(&self) -> bool {
         self.has_summary_section
     }
@@ -219,12 +220,12 @@ impl Audit {
         &self.missing
     }
 
-    /// How many such ranges there are.
+    /// Number of ranges of missing frames.
     pub fn missing_count(&self) -> u64 {
         self.missing_count
     }
 
-    /// Whether it has states, or might have had some before it was damaged; known at the end.
+    /// Checks that the recording has states, or might have had some before it was damaged; known at the end.
     ///
     /// # Errors
     /// [`ReadError::NoChannel`] if it is a recording of something else.
@@ -298,7 +299,7 @@ impl Audit {
         }
     }
 
-    /// What a message with correct checksums is, or what is wrong with it.
+    /// The kind of a message with correct checksums, or the fault in it.
     fn judge(&mut self, head: &MessageHeader, said: Said) -> Result<Option<Kind>, String> {
         match said {
             Said::State(state) => self.judge_state(head, &state?).map(Some),
@@ -358,7 +359,7 @@ impl Audit {
         Ok(Kind::State { frame, step, is_checked: true })
     }
 
-    /// Notes frames that are not there.
+    /// Notes missing frames.
     fn miss(&mut self, range: Option<(u64, u64)>) {
         if let Some(range) = range {
             self.missing_count += 1;
@@ -368,7 +369,7 @@ impl Audit {
         }
     }
 
-    /// These frames should be where the damages since the last state are.
+    /// Notes which frames should be where the damages since the last state are.
     fn place_damages(&mut self, range: Option<(u64, Option<u64>)>) {
         let placed = self.placed;
         let Some(salvage) = self.messages.salvage() else { return };
@@ -382,7 +383,7 @@ impl Audit {
         }
     }
 
-    /// The last state has no summary, unless something was damaged since.
+    /// Notes that the last state has no summary, unless something was damaged since.
     fn miss_summary(&mut self) {
         if let Some((step, damages)) = self.awaited.take()
             && self.messages.damages().len() == damages
@@ -415,7 +416,7 @@ impl Audit {
     }
 }
 
-/// What a message with a wrong checksum is: a state may still be proven by computing it.
+/// The kind of a message with a wrong checksum. A state may still be proven by computing it.
 fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
     match said {
         Said::State(Ok(StateHead { frame, step, .. })) if *step <= manifest.physics.step_count => {
@@ -428,7 +429,7 @@ fn unchecked(manifest: &RunManifest, said: &Said) -> Option<Kind> {
     }
 }
 
-/// Whether `message` is the chain of the run.
+/// True if `message` is the chain of the run.
 fn is_chain(manifest: &RunManifest, message: &[u8]) -> bool {
     // a message too short for the masses alone is not worth making a chain that the file may not fill
     if message.len() as u64 / 8 < manifest.physics.beads {
@@ -444,7 +445,7 @@ fn no_state(step: u64) -> String {
     format!("a summary of step {step} that does not follow the state of that step")
 }
 
-/// A message about a frame has its number.
+/// Checks that a message about a frame has the frame's number.
 fn check_sequence(head: &MessageHeader, frame: u64) -> Result<(), String> {
     #[expect(clippy::cast_possible_truncation, reason = "the low bits, as the writer has them")]
     let expected = frame as u32;
@@ -454,7 +455,7 @@ fn check_sequence(head: &MessageHeader, frame: u64) -> Result<(), String> {
     Err(format!("a message of the number {} instead of {expected}, that of its frame", head.sequence))
 }
 
-/// A message of the frames has the time of its state.
+/// Checks that a message of the frames has the time of its state.
 fn check_times(head: &MessageHeader, time_s: f64) -> Result<(), String> {
     let expected = log_time_ns(time_s);
     let MessageHeader { log_time, publish_time, .. } = *head;

@@ -11,23 +11,23 @@ use schemas::whole_file::{LockedFile, Names, WholeFileError, directory_of};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// The head of a recording, which is on the disk before anything follows, is shorter; or nobody can tell.
+/// A file of this size or more is never taken for one that was only begun: the head of a recording, which is on the
+/// disk before anything follows, is shorter.
 const MOST_BEGUN: u64 = 1 << 20;
 
-/// A recording that is written again from its beginning, so that its run can go on: in its place, or in another
-/// one.
+/// A recording that is written again from its beginning, so that its run can go on: in its place, or in another one.
 ///
-/// In its place it is renamed to `<name>.mcap.interrupted` until the new `<name>.mcap.partial` has everything that it
-/// has. After a kill in between, the next attempt finds it there.
+/// When it is written in its place, it is renamed to `<name>.mcap.interrupted` until the new `<name>.mcap.partial` has
+/// everything that it has. After a kill in between, the next attempt finds it there.
 #[derive(Debug)]
 pub struct InterruptedRecording {
     file: LockedFile,
-    /// Of a former attempt, with nothing that this one has not; not of another run.
+    /// A file of a former attempt at the same run, without anything that this recording lacks.
     leftover: Option<LockedFile>,
     names: Names,
     target: PathBuf,
     info: RecordingInfo,
-    /// A finished file of its name may be replaced.
+    /// True if a finished file of its name may be replaced.
     replace: bool,
 }
 
@@ -55,10 +55,10 @@ pub enum ResumeError {
 
 impl InterruptedRecording {
     /// Finds the recording that `path` is about, which may be called `.mcap`, `.mcap.partial` or `.mcap.interrupted`,
-    /// and reads all of it. It will be written again as `out`, or in its place;
-    /// `replace` says whether a finished file may be replaced.
+    /// and reads all of it. It will be written again as `out`, or in its place; with `replace` a finished file may be
+    /// replaced.
     ///
-    /// In its place there may be another one of a former attempt. The one that has everything is taken.
+    /// A former attempt may have left another recording in its place. The one that has everything is taken.
     ///
     /// # Errors
     /// When it cannot be read or is being written, or when a file is in the way.
@@ -81,27 +81,27 @@ impl InterruptedRecording {
         Ok(Self { file, leftover, names, target, info, replace })
     }
 
-    /// What is in it.
+    /// Contents of the recording.
     pub fn info(&self) -> &RecordingInfo {
         &self.info
     }
 
-    /// Where it is now.
+    /// Present path of the recording.
     pub fn path(&self) -> &Path {
         self.file.path()
     }
 
-    /// Where it will be when it is finished.
+    /// Path of the recording when it is finished.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Whether it will be written again in its place.
+    /// True if the recording will be written again in its place.
     pub fn is_in_place(&self) -> bool {
         self.target == self.names.whole
     }
 
-    /// Makes room for the new one.
+    /// Makes room for the new recording.
     ///
     /// # Errors
     /// When the operating system refuses.
@@ -133,7 +133,7 @@ impl InterruptedRecording {
         create(&self.target, manifest, run_toml.as_deref(), begin, options)
     }
 
-    /// Gives a complete one its name, if it was killed before it had it, and returns where it is.
+    /// Gives a complete recording its name, if a kill came before that, and returns its path.
     ///
     /// # Errors
     /// When the operating system refuses, or when a file has that name.
@@ -148,7 +148,7 @@ impl InterruptedRecording {
         Ok(self.names.whole)
     }
 
-    /// Gives it back a name under which it is found, after the new one failed.
+    /// Gives the recording back a name under which it is found, after the new one failed.
     ///
     /// # Errors
     /// When the operating system refuses, or when a file has that name; it then stays where it is.
@@ -160,7 +160,8 @@ impl InterruptedRecording {
         self.file.rename(&name.clone(), false)
     }
 
-    /// Removes it, because the new one has all of its contents. It stays if the new one is in another place.
+    /// Removes the recording, because the new one has all of its contents. It stays if the new one is in another
+    /// place.
     ///
     /// # Errors
     /// When the operating system refuses.
@@ -169,14 +170,15 @@ impl InterruptedRecording {
     }
 }
 
-/// Whether both are the same name in the same directory.
+/// True if both are the same name in the same directory.
 fn is_same_place(one: &Path, other: &Path) -> bool {
     let directory = |path| directory_of(path).canonicalize().ok();
     one == other || (one.file_name() == other.file_name() && directory(one) == directory(other))
 }
 
-/// After an attempt that was killed: the recording that was set aside or, if that has come further, the new one, whether
-/// it has its name already or not. The other one is removed later, so it must have nothing of its own.
+/// The recording to go on with after an attempt that was killed: the one that was set aside or, if that has come
+/// further, the new one, with or without its final name. The other one is removed later, so it must have nothing of
+/// its own.
 fn best_of(
     names: &Names,
     is_whole: bool,
@@ -205,11 +207,11 @@ fn best_of(
     }
 }
 
-/// Whether `one` has everything that `other` has: both are of the same run and undamaged, it has come as far, and it has
-/// as many messages of each channel that does not belong to the states.
+/// True if `one` has everything that `other` has: both are of the same run and undamaged, it has come as far, and it
+/// has as many messages of each channel that does not belong to the states.
 ///
-/// `other` may be damaged, as what was not synced is after a power failure, unless the run may have gone on in it: the two
-/// are then beside each other only until the last state, which is due, is in both.
+/// `other` may be damaged, as an unsynced file is after a power failure, unless the run may have gone on in it. The
+/// two files then exist side by side only until both have the last state, which is due.
 fn has_all_of(one: &RecordingInfo, other: &RecordingInfo) -> bool {
     let same = one.manifest.provenance.run_id == other.manifest.provenance.run_id;
     let is_due = one.last_step.is_none_or(|step| one.manifest.is_recorded(step));
@@ -227,8 +229,8 @@ fn in_the_way(path: &Path, other: &Path) -> ResumeError {
     ResumeError::InTheWay { path: path.to_owned(), other: other.to_owned() }
 }
 
-/// Whether nothing was written to the new one but the first bytes of the old one, or zeros where a power failure kept them
-/// from the disk.
+/// True if the new recording holds nothing but the first bytes of the old one, or zeros where a power failure kept
+/// them from the disk.
 fn is_begun(names: &Names) -> bool {
     let read = |path: &Path| -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
@@ -255,8 +257,8 @@ fn read_locked(path: &Path) -> Result<(LockedFile, RecordingInfo), ResumeError> 
     Ok((file, info))
 }
 
-/// What is wrong with the recording `path`, or missing in it if it has states, other than that it ends early; and the last
-/// step in it, also after damage.
+/// The damage in the recording `path`, or missing frames if it has states, other than an early end; and the last step
+/// in it, also after damage.
 fn damage_within(path: &Path, has_states: bool) -> Result<(Option<String>, Option<u64>), ReadError> {
     let mut audit = Audit::open(path)?;
     let mut last_step = None;

@@ -13,24 +13,24 @@ use mcap::records::{AttachmentIndex, Footer, MetadataIndex, Record, Statistics, 
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
-/// Kinds of records in a summary section, at the most.
+/// Most kinds of records in a summary section.
 const MOST_GROUPS: usize = 256;
 
-/// What the summary section must say, gathered while the data section is read. However long the file is, that is a few
-/// hashes and the places of the messages of one chunk.
+/// The summary section that a file must have, gathered while the data section is read. It takes a few hashes and the
+/// places of the messages of one chunk, however long the file is.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     chunk: OpenChunk,
     chunks: Group,
     attachments: Group,
     metadata: Group,
-    /// Of metadata and attachments of ours, each of which is there once.
+    /// Numbers of metadata records and attachments of ours, each of which is there once.
     seen: BTreeMap<&'static str, u64>,
-    /// Where the summary section begins: after Data End.
+    /// Start of the summary section: after Data End.
     data_end: Option<u64>,
 }
 
-/// Records of one kind in the summary section: how many, and the hash of all of them in their order.
+/// Records of one kind in the summary section: their number, and the hash of all of them in their order.
 #[derive(Debug, Clone, Default)]
 struct Group {
     count: u64,
@@ -52,27 +52,28 @@ impl Group {
     }
 }
 
-/// What is to be said of a summary section.
+/// Result of comparing a summary section.
 #[derive(Debug)]
 pub(crate) enum SummarySection {
-    /// There is none.
+    /// There is no summary section.
     Absent,
-    /// What is wrong with it; nothing if it agrees with the data section.
+    /// The faults in it; none if it agrees with the data section.
     Compared(Vec<String>),
 }
 
 impl Layout {
-    /// The chunk record `body` at `offset` has been read, and its CRC holds.
+    /// Begins the chunk whose record `body` at `offset` has been read, and whose CRC holds.
     pub(crate) fn begin_chunk(&mut self, offset: u64, body: &[u8]) {
         self.chunk.begin(offset, body);
     }
 
-    /// A message in that chunk, whose record begins at this byte of the records.
+    /// Takes a message in that chunk, whose record begins at byte `place` of the records.
     pub(crate) fn message(&mut self, channel_id: u16, log_time: u64, place: u64) {
         self.chunk.message(channel_id, log_time, place);
     }
 
-    /// Takes the next record of the data section other than a chunk, and says what it gets wrong about others.
+    /// Takes the next record of the data section other than a chunk, and returns the wrong statements of this record
+    /// about others.
     pub(crate) fn take(&mut self, offset: u64, opcode: u8, body: &[u8]) -> Vec<String> {
         let length = RECORD_HEAD_BYTES + body.len() as u64;
         match opcode {
@@ -89,12 +90,12 @@ impl Layout {
         wrong
     }
 
-    /// Nothing is known of the last chunk.
+    /// Forgets the last chunk, because nothing is known of it.
     pub(crate) fn forget_chunk(&mut self) {
         self.chunk = OpenChunk::default();
     }
 
-    /// No more message indexes of the last chunk come: what is wrong with those that came.
+    /// Closes the last chunk, which has no more message indexes, and returns the faults in those that came.
     pub(crate) fn close_chunk(&mut self) -> Vec<String> {
         let mut wrong = Vec::new();
         if let Some(index) = self.chunk.close(&mut wrong) {
@@ -114,7 +115,7 @@ impl Layout {
         self.metadata.add(|record| framing::metadata_index(record, &index));
     }
 
-    /// What is wrong with a record of ours that is repeated, or misplaced so that readers do not find it.
+    /// The fault in a record of ours that is repeated, or misplaced so that readers do not find it.
     fn repeated(&mut self, opcode: u8, body: &[u8]) -> Option<String> {
         let name = match opcode {
             op::METADATA => body,
@@ -135,8 +136,8 @@ impl Layout {
         is_late.then(|| format!("`{name}` after the first chunk, where readers have begun without it"))
     }
 
-    /// Reads the summary section of a closed file, of which `counts` and `times_ns` are the messages of each channel and
-    /// the smallest and the largest log time, and compares it with the rest.
+    /// Reads the summary section of a closed file, and compares it with the rest. `counts` are the numbers of messages
+    /// of each channel; `times_ns` are the smallest and the largest log time.
     pub(crate) fn compare(
         &self,
         records: &mut RecordReader,
@@ -180,7 +181,7 @@ impl Layout {
     }
 }
 
-/// What a summary section says.
+/// Contents of a summary section.
 #[derive(Debug, Default)]
 struct Said {
     contents: Contents,
@@ -188,12 +189,12 @@ struct Said {
     attachments: Group,
     metadata: Group,
     statistics: Option<Statistics>,
-    /// It has no record at all.
+    /// True if the section has no record at all.
     is_empty: bool,
 }
 
 impl Said {
-    /// Reads it from `begin` up to the footer; what is wrong with its own offsets goes to `wrong`.
+    /// Reads it from `begin` up to the footer; faults in its own offsets go to `wrong`.
     fn read(
         &mut self,
         records: &mut RecordReader,
@@ -253,7 +254,7 @@ impl Said {
         })
     }
 
-    /// Takes a record of `length` bytes; one that says more than we know is not taken.
+    /// Takes a record of `length` bytes, unless it claims more than we know.
     fn add(&mut self, record: Record<'_>, length: u64) -> Result<(), String> {
         let again = match record {
             Record::Schema { .. } | Record::Channel(_) => return self.contents.add(record),

@@ -33,7 +33,7 @@ pub struct ContactsRow<'a> {
 }
 
 impl ContactsRow<'_> {
-    /// As a message, with the memory of `packed`.
+    /// Makes a message of the row, in the memory of `packed`.
     pub(crate) fn message(&self, mut packed: Vec<u8>) -> proto::ContactClasses {
         let Self { frame, step, time_s, tolerance_m, classes } = *self;
         pack(classes, &mut packed);
@@ -42,8 +42,8 @@ impl ContactsRow<'_> {
     }
 }
 
-/// Writes a map to a file of its own, `.partial` until it is finished like a recording. Dropped without that
-/// it stays as it is, unless it has no row.
+/// Writes a map to a file of its own, `.partial` until it is finished like a recording. If the writer is dropped
+/// without that, the file stays as it is, unless it has no row.
 pub struct ContactsWriter {
     file: ChannelWriter,
     channel: ChannelId,
@@ -167,7 +167,7 @@ impl ContactsReader {
         self.messages.check_has(proto::CONTACTS.topic).map(|()| None)
     }
 
-    /// How the map ended, known after its last row: unfinished if it was not closed.
+    /// End of the map, known after its last row: unfinished if the file was not closed.
     pub fn end_reason(&self) -> EndReason {
         self.messages.end_reason()
     }
@@ -196,7 +196,7 @@ pub(crate) fn check_row(
     Ok(())
 }
 
-/// Four classes in a byte, the first in the lowest bits.
+/// Packs four classes into a byte, the first in the lowest bits.
 fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.clear();
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));

@@ -1,4 +1,5 @@
-//! Descriptors of messages of rows, made from the names of their columns, and what they say of others.
+//! Descriptors of messages of rows, made from the names of their columns, and the columns that other descriptors
+//! describe.
 
 use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -18,15 +19,15 @@ pub(crate) struct Described<'a> {
     pub(crate) message: &'a str,
     /// Name of the file with its directory.
     pub(crate) file: String,
-    /// Of arrays about things: the one with their numbers.
+    /// Name of the array with the numbers of the things, for arrays about things.
     pub(crate) number: Option<&'a str>,
     pub(crate) columns: Vec<&'a str>,
-    /// Each column is an array.
+    /// True if each column is an array.
     pub(crate) are_arrays: bool,
 }
 
 impl Described<'_> {
-    /// Self-contained `FileDescriptorSet`. Of a message of ours it is what the compiled `.proto` file is, byte for byte.
+    /// Self-contained `FileDescriptorSet`. For a message of ours it equals the compiled `.proto` file, byte for byte.
     pub(crate) fn encode(&self, is_ours: bool) -> Vec<u8> {
         let label = if self.are_arrays { Label::Repeated } else { Label::Optional };
         let mut fields = head();
@@ -61,7 +62,7 @@ impl Described<'_> {
     }
 }
 
-/// Names of the columns of the rows that `descriptor` describes as `message`, and whether it is one array; none if the
+/// Names of the columns of the rows that `descriptor` describes as `message`, and true if it is one array; none if the
 /// rows are no plain numbers.
 pub(crate) fn columns_of(descriptor: &[u8], message: &str) -> Option<(Vec<String>, bool)> {
     let set = FileDescriptorSet::decode(descriptor).ok()?;
@@ -94,7 +95,7 @@ fn field(number: u32, name: &str, kind: Type, label: Label) -> FieldDescriptorPr
     }
 }
 
-/// As protobuf derives it: a letter after `_` is a capital one.
+/// JSON name of a field, as protobuf derives it: a letter after `_` is a capital one.
 fn json_name(name: &str) -> String {
     let mut words = name.split('_');
     let first = words.next().unwrap_or_default().to_owned();

@@ -9,7 +9,7 @@ use std::path::Path;
 pub struct RecordedRows {
     messages: MessageReader,
     topic: String,
-    /// The channel that was read last, by its number, and what its rows are.
+    /// The number of the channel read last, and the layout of its rows.
     channel: Option<(u16, RowMessages)>,
 }
 
@@ -27,7 +27,7 @@ impl RecordedRows {
         &self.topic
     }
 
-    /// Names of the values of the row that was read last: of all, or of those of each thing.
+    /// Names of the values of the row that was read last: of all values, or of the values of each thing.
     pub fn names(&self) -> Vec<&str> {
         self.channel.as_ref().map(|(_, rows)| rows.names()).unwrap_or_default()
     }

@@ -30,10 +30,10 @@ pub(crate) struct RowHead {
 /// Head of a row, the numbers of its things, and the values of each of its columns.
 type Fields = (RowHead, Vec<u64>, Vec<Vec<f64>>);
 
-/// The messages that the rows of one topic are in a recording.
+/// Layout of the messages for the rows of one topic in a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowMessages {
-    /// With a slash in front, as in a file.
+    /// The topic with a slash in front, as in a file.
     topic: String,
     is_ours: bool,
     /// Name of the message, without its package.
@@ -45,9 +45,9 @@ pub struct RowMessages {
 enum Layout {
     /// A field for each value.
     Columns(Vec<String>),
-    /// One array of all values; so many, where that is known.
+    /// One array of all values, with its length where that is known.
     Array(String, Option<usize>),
-    /// An array for each quantity of things, which have these numbers if rows do not say them.
+    /// An array for each quantity of things. The numbers are those of the things, for rows that do not carry them.
     Things(&'static Things, Option<Vec<u64>>),
     /// The class of each contact.
     Classes { tolerance_m: f64 },
@@ -62,15 +62,15 @@ pub struct RecordedRow {
     pub step: u64,
     /// Its time (s).
     pub time_s: f64,
-    /// The values, as on the bus, but for NaN that fills a row up.
+    /// The values, as on the bus, without the NaN that fill a row up.
     pub values: KeptValues,
-    /// Numbers of the things that the values are about, such as beads; none of other rows.
+    /// Numbers of the things that the values are about, such as beads; empty for other rows.
     pub things: Vec<u64>,
-    /// Of classes: the largest overlap or gap that counted as touching (m).
+    /// The largest overlap or gap (m) that counted as touching, for rows of classes.
     pub tolerance_m: Option<f64>,
 }
 
-/// The name of the channel of results, if its messages are rows of them: of our analyses or of somebody else's.
+/// The name of the results in the channel, if its messages are rows of results: of our analyses or of somebody else's.
 pub(crate) fn name_of_results(channel: &Channel) -> Option<ResultsName> {
     let name: ResultsName = channel.topic.strip_prefix('/')?.parse().ok()?;
     let (package, _) = channel.schema.name.rsplit_once('.')?;
@@ -81,7 +81,7 @@ impl RowMessages {
     /// Messages for rows of `topic` with these columns.
     ///
     /// # Errors
-    /// What was expected and found, when a recording cannot hold such rows.
+    /// The expected and the found layout, when a recording cannot hold such rows.
     pub fn new(topic: Topic, columns: &ResultColumns, manifest: &RunManifest) -> Result<Self, String> {
         let Topic::Results(name) = topic else { return Err("this topic has no rows of results".to_owned()) };
         let width = columns.width;
@@ -137,7 +137,7 @@ impl RowMessages {
         file.add_described(&self.topic, &format!("{package}.{}", self.message), &self.descriptor())
     }
 
-    /// Names of the values of a row: of all, or of those of each thing.
+    /// Names of the values of a row: of all values, or of the values of each thing.
     pub(crate) fn names(&self) -> Vec<&str> {
         match &self.layout {
             Layout::Columns(names) => names.iter().map(String::as_str).collect(),
@@ -172,7 +172,7 @@ impl RowMessages {
     /// Encodes `row` into `message`, which is empty. No column that is zero is left out, so that −0 keeps its sign.
     ///
     /// # Errors
-    /// What was expected and found, when the row is of another kind.
+    /// The expected and the found layout, when the row is of another kind.
     pub(crate) fn encode(&self, row: &ResultRow<'_>, message: &mut Vec<u8>) -> Result<(), String> {
         let ResultRow { frame, step, time_s, values } = *row;
         let numbers = match (&self.layout, values) {
@@ -214,7 +214,7 @@ impl RowMessages {
         Ok(())
     }
 
-    /// A row in any valid encoding; of a run with so many `contacts`.
+    /// Decodes a row in any valid encoding, for a run with so many `contacts`.
     pub(crate) fn decode(&self, message: &[u8], contacts: usize) -> Result<RecordedRow, String> {
         let not = |error| format!("a row of {} that is none: {error}", self.topic);
         if let Layout::Classes { .. } = self.layout {
@@ -277,7 +277,7 @@ impl RowMessages {
     }
 }
 
-/// The message that rows of this name are.
+/// Name of the message for rows of this name.
 fn message_name(name: ResultsName, layout: &Layout) -> String {
     let words = name.name().split('-');
     let plain = match layout {
@@ -290,7 +290,7 @@ fn message_name(name: ResultsName, layout: &Layout) -> String {
     if begins_with_letter { plain } else { format!("_{plain}") }
 }
 
-/// Encodes the values of things, one after the other, as an array of each quantity. Arrays that are empty are left out.
+/// Encodes the values of things, one thing after the other, as an array of each quantity. Empty arrays are left out.
 fn encode_things(
     layout: &Things,
     named: Option<&[u64]>,
@@ -370,7 +370,7 @@ mod tests {
         -0.0,
     ];
 
-    /// `proto/` has what others compile.
+    /// `proto/` has the files that others compile.
     #[test]
     fn the_messages_are_those_of_the_published_files() {
         let published: [(RowMessages, &[u8]); 3] = [

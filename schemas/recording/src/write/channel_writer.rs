@@ -31,7 +31,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use threads::Threads;
 
-/// How a recording is written.
+/// Options of a recording's writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriteOptions {
     /// Overwrite existing files. Default: no.
@@ -43,12 +43,12 @@ pub struct WriteOptions {
     /// Bytes that may wait for the disk beside the open chunk, uncompressed; one chunk always may. More holds the
     /// recording thread back. Default: 8 MiB.
     pub queue_bytes: u64,
-    /// Longest time that a frame waits for others in its chunk: what a kill costs. With zero every frame is in
-    /// the file when it is accepted. Default: 1 s.
+    /// Longest time that a frame waits for others in its chunk: the loss in a kill. With zero every frame is in the
+    /// file when it is accepted. Default: 1 s.
     pub flush_period: Duration,
-    /// Longest time between two syncs to the disk: what a power failure costs. Default: 5 s.
+    /// Longest time between two syncs to the disk: the loss in a power failure. Default: 5 s.
     pub sync_period: Duration,
-    /// For tests: how much longer a disk takes for a chunk.
+    /// For tests: extra time that a disk takes for a chunk.
     #[cfg(feature = "faults")]
     pub slow_disk: Duration,
 }
@@ -68,10 +68,10 @@ impl Default for WriteOptions {
     }
 }
 
-/// How chunks are compressed.
+/// Compression of chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compression {
-    /// Not at all.
+    /// No compression.
     None,
     /// zstd.
     Zstd {
@@ -83,7 +83,7 @@ pub enum Compression {
 /// A finished recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finished {
-    /// Where it is.
+    /// Path of the recording.
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
@@ -101,7 +101,8 @@ pub(crate) struct ChannelId(u16);
 
 /// Writes messages of several channels under one manifest.
 ///
-/// After an error the file ends with the last whole chunk, and nothing more is taken. Dropping it writes everything that was accepted.
+/// After an error the file ends with the last whole chunk, and the writer takes nothing more. Dropping it writes
+/// everything that was accepted.
 pub(crate) struct ChannelWriter {
     /// None once the threads have ended.
     threads: Option<Threads>,
@@ -115,9 +116,9 @@ pub(crate) struct ChannelWriter {
 /// The schemas or the channels so far, numbered from 1.
 #[derive(Debug, Default)]
 struct Definitions {
-    /// By their records with the number 0.
+    /// Their numbers, by their records with the number 0.
     numbers: BTreeMap<Vec<u8>, u16>,
-    /// With their numbers, in this order.
+    /// Their records with their numbers, in this order.
     records: Vec<Vec<u8>>,
 }
 
@@ -133,7 +134,7 @@ impl ChannelWriter {
         Self::create_for(PROFILE, path, manifest, begin, run_toml, options)
     }
 
-    /// The same for readers that look for another profile.
+    /// Like [`create`](Self::create), for readers that look for another profile.
     pub(crate) fn create_for(
         profile: &str,
         path: &Path,
@@ -264,7 +265,7 @@ impl ChannelWriter {
         Ok(())
     }
 
-    /// Something was recorded, so the file stays even without [`finish`](Self::finish).
+    /// Keeps the file even without [`finish`](Self::finish), because something was recorded.
     pub(crate) fn keep(&mut self) {
         self.file.keep();
     }
@@ -313,7 +314,7 @@ impl ChannelWriter {
         self.queue().map_or(Duration::ZERO, Queue::held_back)
     }
 
-    /// Where the bytes are.
+    /// Path of the file that is being written.
     pub(crate) fn path(&self) -> &Path {
         self.file.partial()
     }

@@ -1,4 +1,4 @@
-//! How much room is left on a disk, while a recording is written.
+//! Room left on a disk while a recording is written.
 
 use crate::error::WriteError;
 use schemas::whole_file::directory_of;
@@ -32,13 +32,13 @@ impl Disk {
     }
 }
 
-/// Looks now and then whether less room is left on a disk than must stay free.
+/// Checks now and then that as much room is left on a disk as must stay free.
 #[derive(Debug)]
 pub struct DiskWatch {
     path: PathBuf,
     reserve_bytes: u64,
     looked_at: Option<Instant>,
-    /// Bytes that had been written then.
+    /// Bytes that had been written at the last look.
     written_bytes: u64,
     /// Bytes to be written until the next look.
     stride_bytes: u64,
@@ -56,9 +56,9 @@ impl DiskWatch {
         Self { path: path.to_owned(), reserve_bytes, looked_at: None, written_bytes: 0, stride_bytes: 0 }
     }
 
-    /// Whether less would be left than must stay free, once the `pending_bytes` are on the disk that
-    /// wait in memory, which are asked for only when it is time to look. `written_bytes` are on the disk already; there
-    /// are at least as many each time.
+    /// True if too little room would be left once the `pending_bytes` that wait in memory are on the disk. The watch
+    /// asks for them only when it is time to look. `written_bytes` are on the disk already; there are at least as many
+    /// each time.
     ///
     /// # Errors
     /// When the disk cannot be looked at.

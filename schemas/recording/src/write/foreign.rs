@@ -6,11 +6,11 @@ use mcap::records::Metadata;
 use schemas::manifest::RunManifest;
 use std::path::Path;
 
-/// Metadata record that says which part of a run was exported.
+/// Metadata record that names the exported part of a run.
 const EXPORT: &str = "beadline.export";
 
-/// Writes an MCAP file with channels of any protobuf messages, whole or not at all. It holds the manifest of the run
-/// like a recording, but is not one: it has no profile, for which our readers refuse it.
+/// Writes an MCAP file with channels of any protobuf messages, whole or not at all. The file holds the manifest of the
+/// run like a recording, but is not one: our readers refuse it because it has no profile.
 pub struct ForeignWriter {
     file: ChannelWriter,
     messages: u64,
@@ -53,7 +53,7 @@ impl ForeignWriter {
     /// Writes a message about the simulated time `time_s`; `sequence` numbers those of its channel.
     ///
     /// # Errors
-    /// When writing this one or one before it fails; nothing more is taken then.
+    /// When writing this message or one before it fails; the writer then takes nothing more.
     pub fn write(
         &mut self,
         ForeignChannel(channel): ForeignChannel,
@@ -73,7 +73,7 @@ impl ForeignWriter {
         self.file.flush()
     }
 
-    /// Ends the file, with what `about` says of the part of the run that is in it, and gives it its name.
+    /// Ends the file, with the metadata `about` the exported part of the run, and gives it its name.
     ///
     /// # Errors
     /// When writing fails, or when a file of this name appeared meanwhile.

@@ -13,12 +13,12 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// When a recording goes on in another part.
+/// Conditions for continuing a recording in another part.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Split {
-    /// At the first frame after the part has at least this many bytes on the disk.
+    /// Size of a part on the disk (bytes) at which the next frame begins another one.
     pub bytes: Option<u64>,
-    /// At the first frame at or after each multiple of this simulated time (s).
+    /// Simulated time (s) of a part: the first frame at or after each multiple of it begins another one.
     pub duration_s: Option<f64>,
 }
 
@@ -26,12 +26,12 @@ impl Split {
     /// Smallest part: a chunk of a part must be a small piece of it.
     pub const LEAST_BYTES: u64 = 100_000;
 
-    /// Whether there are parts at all.
+    /// True if the recording is split into parts.
     pub fn is_split(&self) -> bool {
         *self != Self::default()
     }
 
-    /// The part of the simulated time that `time_s` is in.
+    /// Number of the interval of simulated time that `time_s` is in.
     fn slot(&self, time_s: f64) -> f64 {
         self.duration_s.map_or(0.0, |duration_s| (time_s / duration_s).floor())
     }
@@ -69,10 +69,10 @@ fn parts_there(path: &Path) -> Result<Vec<(u64, PathBuf)>, WriteError> {
 
 /// Records the frames of one run, in parts if that is asked for.
 ///
-/// Each part has a head, a chain and an end of its own and is a recording by itself. A part is finished, on the
-/// disk and under its name, before the next one has a frame; that is created first, so that a part that cannot be
-/// continued does not say that it is. A kill leaves one `.partial`, or in between one more that is empty. No frame is in
-/// two parts. A row of results goes to the part that is open when it comes.
+/// Each part has a head, a chain and an end of its own and is a recording by itself. A part is finished, on the disk
+/// and under its name, before the next one has a frame. The next part is created first, so that a part that cannot be
+/// continued does not claim that it is. A kill leaves one `.partial`, or in between one more that is empty. No frame
+/// is in two parts. A row of results goes to the part that is open when it comes.
 pub struct PartsWriter {
     path: PathBuf,
     manifest: RunManifest,
@@ -88,11 +88,11 @@ pub struct PartsWriter {
 }
 
 impl PartsWriter {
-    /// Refuses a recording `path` if one of its parts exists, unless parts may be replaced. To be called
-    /// before there is anything to record.
+    /// Refuses a recording `path` if one of its parts exists, unless parts may be replaced. Call it before there is
+    /// anything to record.
     ///
     /// # Errors
-    /// When there is one, or the directory cannot be read.
+    /// When such a part exists, or the directory cannot be read.
     pub fn check(path: &Path, split: &Split, force: bool) -> Result<(), WriteError> {
         if force || !split.is_split() {
             return Ok(());

@@ -63,8 +63,8 @@ impl<'a> Schedule<'a> {
         step.div_ceil(self.manifest.provenance.publish_every_steps)
     }
 
-    /// The frames between the state of step `before` and step `next` that should be there; with that of `next` itself,
-    /// wherever that falls, if `included`.
+    /// The frames between the state of step `before` and step `next` that should be there. If `included`, the frame of
+    /// `next` is one of them, wherever `next` falls.
     pub(crate) fn missed(&self, before: Option<u64>, next: u64, included: bool) -> Option<(u64, u64)> {
         let Self { manifest, .. } = *self;
         let every = manifest.provenance.record_every_steps;

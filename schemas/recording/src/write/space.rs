@@ -1,4 +1,4 @@
-//! How much disk space a recording will take, and whether there is enough.
+//! Estimate of the disk space that a recording will take, and a check that there is enough.
 
 use crate::error::WriteError;
 use crate::write::channel_writer::Compression;
@@ -8,7 +8,7 @@ use schemas::manifest::RunManifest;
 use schemas::whole_file::directory_of;
 use std::path::Path;
 
-/// Opcode and length, channel, sequence and two times: what a message takes beyond its contents.
+/// Bytes of a message beyond its contents: opcode and length, channel, sequence and two times.
 const MESSAGE_RECORD_BYTES: u64 = 9 + 2 + 4 + 8 + 8;
 
 /// Time and offset of a message in its chunk's index.
@@ -23,8 +23,7 @@ const FILE_BYTES: u64 = 32 << 10;
 /// Fewest beads that a shock reaches in a time T: 0.76 (α = 3) to 1.03 (α = 1) in uniform chains.
 const FRONT_BEADS_PER_T: f64 = 0.5;
 
-/// Largest ratio at which zstd shrinks the moving part of a chain: about 4 while half of it moves, 3
-/// when all does.
+/// Largest ratio at which zstd shrinks the moving part of a chain: about 4 while half of it moves, 3 when all does.
 const BEST_RATIO: f64 = 8.0;
 
 /// Space that the recording of a run takes.
@@ -32,14 +31,14 @@ const BEST_RATIO: f64 = 8.0;
 pub struct SpaceNeeded {
     /// Upper bound: nothing can be compressed.
     pub at_most_bytes: u64,
-    /// A careful lower bound. Uncompressed it is the upper bound without its reserves. Compressed, only
-    /// the part of the chain that the shock has reached by then counts, at a speed below that of any shock
-    /// in a uniform chain, and shrinks by 8, where 3 to 4 were measured.
+    /// A careful lower bound. Uncompressed it is the upper bound without its reserves. Compressed, only the part of
+    /// the chain that the shock has reached by then counts, at a speed below that of any shock in a uniform chain; the
+    /// bound divides its size by 8, where 3 to 4 were measured.
     pub at_least_bytes: u64,
 }
 
 impl SpaceNeeded {
-    /// For the whole run `manifest`.
+    /// Makes the estimate for the whole run `manifest`.
     pub fn new(manifest: &RunManifest, compression: Compression) -> Self {
         let physics = &manifest.physics;
         let frames = manifest.recorded_count();

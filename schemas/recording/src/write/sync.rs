@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
 
-/// Syncs a file in a thread of its own: after a few hundred MB that takes tenths of a second. The thread
+/// Syncs a file in a thread of its own, because a sync after a few hundred MB takes tenths of a second. The thread
 /// starts with the first request.
 #[derive(Debug, Default)]
 pub(crate) struct BackgroundSync {
@@ -40,14 +40,14 @@ impl BackgroundSync {
         }
     }
 
-    /// Syncs the present contents of `file`, and waits for it. An error that an earlier request met is told once, to whoever
-    /// synced then: it is this one's, too.
+    /// Syncs the present contents of `file`, and waits for it. The operating system reports an error of an earlier
+    /// request only once, to the sync of that time. This call returns that error, too.
     pub(crate) fn sync(&mut self, file: &File) -> io::Result<()> {
         self.finish()?;
         file.sync_data()
     }
 
-    /// Waits for what was asked for.
+    /// Waits for the requested syncs.
     pub(crate) fn finish(&mut self) -> io::Result<()> {
         self.worker.take().map_or(Ok(()), Worker::join)
     }

@@ -19,8 +19,8 @@ use std::time::Duration;
 
 /// Records the frames of one run.
 ///
-/// The file is `<path>.partial` until [`finish`](Self::finish) gives it its name. Dropped without that it
-/// stays as it is, a valid prefix with every frame accepted; without any frame it is removed.
+/// The file is `<path>.partial` until [`finish`](Self::finish) gives it its name. If the writer is dropped without
+/// that, the file stays as it is, a valid prefix with every frame accepted; without any frame it is removed.
 pub struct RecordingWriter {
     file: ChannelWriter,
     manifest: RunManifest,
@@ -59,8 +59,8 @@ impl RecordingWriter {
         Self::create_from(path, manifest, Some(run_toml), &BeginRecord::default(), options)
     }
 
-    /// Like [`create`](Self::create), for a recording that may begin where the run does not, and of which the
-    /// configuration need not be known.
+    /// Like [`create`](Self::create), for a recording that may begin after the beginning of the run, and whose
+    /// configuration may be unknown.
     ///
     /// # Errors
     /// As for [`create`](Self::create).
@@ -170,8 +170,8 @@ impl RecordingWriter {
         Some(head::state_hash(step, &doubles))
     }
 
-    /// Writes the frames accepted so far, and waits until a kill costs none of them. They are written within
-    /// [`WriteOptions::flush_period`] anyway.
+    /// Writes the frames accepted so far, and waits until a kill costs none of them. Without this call they are
+    /// written within [`WriteOptions::flush_period`].
     ///
     /// # Errors
     /// When writing fails.
@@ -179,7 +179,7 @@ impl RecordingWriter {
         self.file.flush()
     }
 
-    /// Like [`flush`](Self::flush), and waits until a power failure costs none of them, either.
+    /// Like [`flush`](Self::flush), and waits until a power failure costs none of them either.
     ///
     /// # Errors
     /// When writing fails.
@@ -212,7 +212,7 @@ impl RecordingWriter {
         self.frames
     }
 
-    /// Where the bytes are until [`finish`](Self::finish): `<path>.partial`.
+    /// Path of the file until [`finish`](Self::finish): `<path>.partial`.
     pub fn partial_path(&self) -> &Path {
         self.file.path()
     }
@@ -237,7 +237,7 @@ impl RecordingWriter {
 impl FrameSink for RecordingWriter {
     type Error = WriteError;
 
-    /// Records `frame`, or a state that was recomputed between two frames. Which are due is the caller's to know
+    /// Records `frame`, or a state that was recomputed between two frames. The caller chooses the frames that are due
     /// ([`RunManifest::is_recorded`], and the last frame of a run that is interrupted).
     ///
     /// # Errors

@@ -13,12 +13,12 @@ use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// This many zeros at the end of a chunk with a wrong CRC, with only zeros after it, mean that it was never fully written.
+/// Number of zeros at the end of a chunk with a wrong CRC, with only zeros after it, that mean that it was never fully
+/// written.
 const UNWRITTEN_BYTES: usize = 8;
 
 impl MessageReader {
-    /// Notes a damage and goes on after it. Without salvaging, or if the operating system refused, the error
-    /// stays one.
+    /// Notes a damage and goes on after it. Without salvaging, or if the operating system refused, returns the error.
     pub(super) fn go_on_after(&mut self, error: ReadError) -> Result<Step, ReadError> {
         if self.salvage.is_none() || matches!(error, ReadError::Io { .. }) {
             return Err(error);
@@ -105,17 +105,17 @@ impl MessageReader {
         }
     }
 
-    /// How many damages there are.
+    /// Number of damages.
     pub(crate) fn damage_count(&self) -> u64 {
         self.salvage.as_ref().map_or(0, |salvage| salvage.count())
     }
 
-    /// How many damages may have lost something.
+    /// Number of damages that may have lost something.
     pub(crate) fn loss_count(&self) -> u64 {
         self.salvage.as_ref().map_or(0, |salvage| salvage.count() - salvage.descriptions())
     }
 
-    /// A record within a chunk is invalid, or does not fit the others.
+    /// Goes on in a chunk after a record that is invalid or does not fit the others.
     fn go_on_in_chunk(&mut self, what: String) {
         // the records after one that leaves the chunk cannot be found
         self.in_chunk = !self.chunk.is_stuck();
@@ -125,7 +125,7 @@ impl MessageReader {
         }
     }
 
-    /// The record read last is a damaged chunk: its contents are given unchecked.
+    /// Takes the damaged chunk read last, whose contents are given unchecked.
     fn take_damaged_chunk(
         &mut self,
         offset_bytes: u64,
@@ -166,7 +166,7 @@ impl MessageReader {
         }
     }
 
-    /// The CRC of the data section or of the summary section is wrong.
+    /// Notes that the CRC of the data section or of the summary section is wrong.
     fn end_of_section(&mut self, what: &str) -> Step {
         let is_data = !self.contents.data_end;
         self.contents.data_end = true;
@@ -179,7 +179,7 @@ impl MessageReader {
         if is_data { Step::Other } else { self.end() }
     }
 
-    /// There is no record at `bad`: looks for the next chunk whose CRC holds, or for the end.
+    /// Looks for the next chunk whose CRC holds, or for the end, because there is no record at `bad`.
     fn search(&mut self, bad: u64, what: String) -> Result<Step, ReadError> {
         if self.contents.data_end {
             let left = self.records.file_bytes() - bad;
@@ -238,7 +238,7 @@ impl MessageReader {
         self.note(DamageKind::Unreadable, from, bytes, what);
     }
 
-    /// No record follows `bad`: the rest of the file may be the beginning of a chunk.
+    /// Takes the rest of the file from `bad`, where no record follows: it may be the beginning of a chunk.
     fn take_tail(&mut self, bad: u64, what: String) -> Result<Step, ReadError> {
         let file_bytes = self.records.file_bytes();
         let left = file_bytes - bad;
@@ -292,7 +292,7 @@ impl MessageReader {
     }
 }
 
-/// The channel of states, as we write it.
+/// Our channel of states.
 fn state_channel() -> Channel {
     let encoding = || "protobuf".to_owned();
     Channel {

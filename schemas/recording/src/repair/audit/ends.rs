@@ -1,4 +1,4 @@
-//! What an audit compares once everything has been read: the end, the summary section, the definitions of channels.
+//! Comparisons of an audit after everything has been read: the end, the summary section, the definitions of channels.
 
 use super::Audit;
 use crate::proto;
@@ -10,7 +10,7 @@ use schemas::frame::EndReason;
 use schemas::manifest::SCHEMA_VERSION;
 
 impl Audit {
-    /// The record of the end agrees with that of the beginning and with the states.
+    /// Checks that the record of the end agrees with that of the beginning and with the states.
     pub(super) fn check_end(&mut self) {
         let (begin, Some(end)) = (self.begin().clone(), self.end().cloned()) else { return };
         let mut wrong = Vec::new();
@@ -49,7 +49,7 @@ impl Audit {
         }
     }
 
-    /// The summary section describes the file correctly.
+    /// Checks that the summary section describes the file correctly.
     pub(super) fn check_summary_section(&mut self) {
         if self.loss_count() > 0 {
             return;
@@ -66,7 +66,7 @@ impl Audit {
         }
     }
 
-    /// Our channels have the right schemas.
+    /// Checks that our channels have the right schemas.
     pub(super) fn check_definitions(&mut self) {
         if self.manifest.is_newer_minor() {
             return;
@@ -85,7 +85,7 @@ impl Audit {
     }
 }
 
-/// What is wrong with the definition of a channel, if it has a schema of ours.
+/// The fault in the definition of a channel, if it has a schema of ours.
 fn wrong_definition(channel: &Channel) -> Option<String> {
     let by_topic = proto::ALL.iter().take(proto::OF_FRAMES.len()).find(|known| known.topic == channel.topic);
     let by_name = || proto::ALL.iter().find(|known| known.message == channel.schema.name);

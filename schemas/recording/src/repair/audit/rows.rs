@@ -1,28 +1,28 @@
-//! Rows of results: whose they are, and whether they are in order.
+//! Rows of results: checks that they belong to the run and are in order.
 
 use crate::results::row_messages::RowHead;
 use schemas::manifest::RunManifest;
 
-/// The ranges of missing rows that are kept; more are only counted.
+/// Largest number of ranges of missing rows that are kept; more are only counted.
 const MOST_RANGES: usize = 20;
 
 /// The rows of one topic.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RowsFound {
-    /// How many there are.
+    /// Number of rows.
     pub count: u64,
     /// Frame of the first one.
     pub first_frame: u64,
     /// Frame of the last one.
     pub last_frame: u64,
-    /// Frames between those that have no row, from and up to; the first ranges.
+    /// The first ranges of frames without a row between the first and the last row, from and up to.
     pub missing: Vec<(u64, u64)>,
-    /// How many ranges there are.
+    /// Number of these ranges.
     pub missing_count: u64,
 }
 
 impl RowsFound {
-    /// Takes the next row, or says why it cannot be the next one.
+    /// Takes the next row, or returns the reason why it cannot be the next one.
     pub(super) fn take(&mut self, row: &RowHead, manifest: &RunManifest) -> Result<(), String> {
         let RowHead { frame, step, time_s } = *row;
         let is_frame = frame < manifest.frame_count() && manifest.step_of_frame(frame) == step;

@@ -11,7 +11,7 @@ type MessagePlace = (u64, u64);
 /// The chunk that was read last, while its message indexes may come.
 #[derive(Debug, Default)]
 pub(super) struct OpenChunk {
-    /// Its index without what its message indexes add; none if there is no chunk.
+    /// Its index without the entries of its message indexes; none if there is no chunk.
     index: Option<ChunkIndex>,
     /// The messages of each channel in the order of the chunk.
     messages: BTreeMap<u16, Vec<MessagePlace>>,
@@ -37,7 +37,7 @@ impl OpenChunk {
         self.messages.entry(channel_id).or_default().push((log_time, place));
     }
 
-    /// Takes the message index `body` at `offset`, or says what is wrong with it.
+    /// Takes the message index `body` at `offset`, or returns the fault in it.
     pub(super) fn take_index(&mut self, offset: u64, body: &[u8]) -> Option<String> {
         let Some(index) = &mut self.index else {
             return Some("a message index that belongs to no chunk".to_owned());
@@ -66,7 +66,8 @@ impl OpenChunk {
         None
     }
 
-    /// The index of the chunk, and what is wrong with its header or missing behind it; none if there was no chunk.
+    /// The index of the chunk; none if there was no chunk. Faults in its header, and missing message indexes, go to
+    /// `wrong`.
     pub(super) fn close(&mut self, wrong: &mut Vec<String>) -> Option<ChunkIndex> {
         let index = self.index.take()?;
         let times = self.messages.values().flatten().map(|(time_ns, _)| *time_ns);

@@ -5,8 +5,7 @@ use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// The records of a chunk, and where its messages are in it. Cleared and used again, so that it keeps its
-/// buffers.
+/// The records of a chunk, and the places of its messages. Cleared and used again, so that it keeps its buffers.
 #[derive(Debug, Default)]
 pub(super) struct Block {
     /// Definitions of channels, and messages.
@@ -15,9 +14,9 @@ pub(super) struct Block {
     places: BTreeMap<u16, Vec<(u64, u64)>>,
     /// Least and greatest log time of the messages (ns).
     times_ns: Option<(u64, u64)>,
-    /// Frames whose messages are in here.
+    /// Number of frames whose messages are in here.
     frames: u64,
-    /// When the first record came.
+    /// Time when the first record came.
     opened: Option<Instant>,
 }
 
@@ -46,7 +45,7 @@ impl Block {
         self.frames
     }
 
-    /// When the first record came; none as long as there is none.
+    /// Time when the first record came; none as long as there is none.
     pub(super) fn opened(&self) -> Option<Instant> {
         self.opened
     }
@@ -66,7 +65,7 @@ impl Block {
         framing::message(&mut self.records, head, data);
     }
 
-    /// The messages since the last call are those of a frame.
+    /// Counts the messages since the last call as those of a frame.
     pub(super) fn end_frame(&mut self) {
         self.frames += 1;
     }

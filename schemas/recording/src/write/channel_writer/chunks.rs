@@ -1,13 +1,13 @@
-//! The chunks on their way from the run to the disk: what to do next, and when.
+//! The chunks on their way from the run to the disk: the next action, and its time.
 
 use super::block::Block;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// When chunks are closed, and how much may wait.
+/// Limits at which chunks are closed, and limits of waiting chunks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
-    /// A chunk with more than this is closed.
+    /// Size of a chunk above which it is closed.
     pub(super) chunk_bytes: u64,
     /// Bytes that may wait to be written, beside the open chunk; one chunk always may.
     pub(super) queue_bytes: u64,
@@ -23,26 +23,26 @@ pub(super) struct Chunks {
     rules: Rules,
     open: Block,
     closed: VecDeque<Block>,
-    /// Chunks handed out but not written yet: how many, and their bytes.
+    /// Chunks handed out but not written yet: their number, and their bytes.
     in_work: (usize, u64),
-    /// Empty ones, to be used again.
+    /// Empty chunks, to be used again.
     spare: Vec<Block>,
-    /// Number of the next one to be taken.
+    /// Number of the next chunk to be taken.
     next_number: u64,
-    /// When the first bytes were recorded for which no sync was asked yet.
+    /// Time when the first bytes were recorded for which no sync was asked yet.
     unsynced: Option<Instant>,
     accepted_frames: u64,
     written_frames: u64,
 }
 
-/// What to do next.
+/// The next action.
 #[derive(Debug)]
 pub(super) enum Due {
     /// Write this chunk, which has this number in the file.
     Write(u64, Block),
     /// Sync what was written.
     Sync,
-    /// Nothing before this time; without one, nothing until something is recorded.
+    /// Do nothing before this time; without one, nothing until something is recorded.
     Nothing(Option<Instant>),
 }
 
@@ -73,13 +73,13 @@ impl Chunks {
         &mut self.open
     }
 
-    /// The messages since the last call are those of a frame.
+    /// Counts the messages since the last call as those of a frame.
     pub(super) fn end_frame(&mut self) {
         self.open.end_frame();
         self.accepted_frames += 1;
     }
 
-    /// Whether something is in the open chunk.
+    /// True if something is in the open chunk.
     pub(super) fn is_open(&self) -> bool {
         self.open.bytes() > 0
     }
@@ -102,7 +102,7 @@ impl Chunks {
         self.in_work.1 + self.closed.iter().map(Block::bytes).sum::<u64>()
     }
 
-    /// Whether more waits than may.
+    /// True if more bytes wait than may wait.
     pub(super) fn is_full(&self) -> bool {
         self.waiting_count() > 1 && self.waiting_bytes() > self.rules.queue_bytes
     }
@@ -112,7 +112,7 @@ impl Chunks {
         self.open.bytes() + self.waiting_bytes()
     }
 
-    /// What to do at the time `now`. The receiver of a chunk calls [`written`](Self::written) later.
+    /// The action that is due at the time `now`. The receiver of a chunk calls [`written`](Self::written) later.
     pub(super) fn next(&mut self, now: Instant) -> Due {
         let Rules { flush_period, sync_period, .. } = self.rules;
         let flush_at =
@@ -133,7 +133,7 @@ impl Chunks {
         Due::Nothing([flush_at, sync_at].into_iter().flatten().min())
     }
 
-    /// `block` is in the file.
+    /// Takes `block` back, which is in the file.
     pub(super) fn written(&mut self, mut block: Block) {
         self.in_work = (self.in_work.0 - 1, self.in_work.1 - block.bytes());
         self.written_frames += block.frames();

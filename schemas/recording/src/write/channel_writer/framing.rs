@@ -1,18 +1,18 @@
 //! MCAP records as bytes, appended to a buffer.
 //!
-//! `mcap`'s writer compresses and writes in the thread that calls it and takes no compressed chunk, so the
-//! few records that our files have are framed here; a test holds them equal to those that it writes.
+//! `mcap`'s writer compresses and writes in the thread that calls it and takes no compressed chunk, so the few records
+//! that our files have are framed here. A test holds them equal to those that `mcap` writes.
 
 use mcap::records::{AttachmentIndex, ChunkIndex, MessageHeader, Metadata, MetadataIndex, Statistics, op};
 use std::collections::BTreeMap;
 
-/// A record: opcode, length, and what `body` appends.
+/// Appends a record: opcode, length, and the bytes that `body` appends.
 fn record(bytes: &mut Vec<u8>, opcode: u8, body: impl FnOnce(&mut Vec<u8>)) {
     bytes.push(opcode);
     sized::<8>(bytes, body);
 }
 
-/// A length of `N` bytes, little-endian, and what `body` appends.
+/// Appends a length of `N` bytes, little-endian, and the bytes that `body` appends.
 fn sized<const N: usize>(bytes: &mut Vec<u8>, body: impl FnOnce(&mut Vec<u8>)) {
     let start = bytes.len();
     bytes.extend([0; N]);
@@ -34,7 +34,7 @@ fn texts(bytes: &mut Vec<u8>, map: &BTreeMap<String, String>) {
     });
 }
 
-/// Numbers by channel.
+/// Appends numbers by channel.
 fn by_channel(bytes: &mut Vec<u8>, map: &BTreeMap<u16, u64>) {
     sized::<4>(bytes, |bytes| {
         for (channel_id, value) in map {
@@ -92,7 +92,7 @@ pub(crate) fn message(bytes: &mut Vec<u8>, head: &MessageHeader, data: &[u8]) {
     });
 }
 
-/// What stands before the contents of a chunk.
+/// The fields before the contents of a chunk.
 pub(crate) struct ChunkHead<'a> {
     /// Least and greatest log time of its messages (ns).
     pub(crate) times_ns: (u64, u64),
@@ -110,7 +110,7 @@ pub(crate) fn chunk(bytes: &mut Vec<u8>, head: &ChunkHead<'_>, contents: &[u8]) 
     });
 }
 
-/// Times and places of a channel's messages in the chunk before.
+/// Appends times and places of a channel's messages in the chunk before.
 pub(crate) fn message_index(bytes: &mut Vec<u8>, channel_id: u16, entries: &[(u64, u64)]) {
     record(bytes, op::MESSAGE_INDEX, |bytes| {
         bytes.extend(channel_id.to_le_bytes());
@@ -129,7 +129,7 @@ pub(crate) fn metadata(bytes: &mut Vec<u8>, metadata: &Metadata) {
     });
 }
 
-/// An attachment, described by an index whose offset and length mean nothing yet.
+/// Appends an attachment, described by an index whose offset and length mean nothing yet.
 pub(crate) fn attachment(bytes: &mut Vec<u8>, about: &AttachmentIndex, data: &[u8]) {
     record(bytes, op::ATTACHMENT, |bytes| {
         let start = bytes.len();
@@ -146,8 +146,8 @@ pub(crate) fn data_end(bytes: &mut Vec<u8>, data_section_crc: u32) {
     record(bytes, op::DATA_END, |bytes| bytes.extend(data_section_crc.to_le_bytes()));
 }
 
-/// Of messages by channel, between these log times (ns), and of so many schemas, channels, attachments, metadata records
-/// and chunks.
+/// Statistics of a file: the messages by channel, their log times (ns), and the numbers of schemas, channels, attachments,
+/// metadata records and chunks.
 pub(crate) fn count_statistics(
     messages: &BTreeMap<u16, u64>,
     times_ns: Option<(u64, u64)>,
@@ -206,7 +206,7 @@ pub(crate) fn metadata_index(bytes: &mut Vec<u8>, index: &MetadataIndex) {
     });
 }
 
-/// Where the records of one kind stand in the summary section.
+/// Appends the place of the records of one kind in the summary section.
 pub(crate) fn summary_offset(bytes: &mut Vec<u8>, opcode: u8, start: u64, length: u64) {
     record(bytes, op::SUMMARY_OFFSET, |bytes| {
         bytes.push(opcode);
@@ -214,7 +214,7 @@ pub(crate) fn summary_offset(bytes: &mut Vec<u8>, opcode: u8, start: u64, length
     });
 }
 
-/// The footer of a summary section, which is the end of `bytes` from `section` on.
+/// Appends the footer of a summary section, which is the end of `bytes` from `section` on.
 pub(crate) fn footer(bytes: &mut Vec<u8>, section: usize, summary_start: u64, summary_offset_start: u64) {
     record(bytes, op::FOOTER, |bytes| {
         numbers(bytes, &[summary_start, summary_offset_start]);

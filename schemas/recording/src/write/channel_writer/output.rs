@@ -32,9 +32,9 @@ pub(super) struct Encoded {
     chunk_bytes: usize,
     compressed_bytes: u64,
     compression: &'static str,
-    /// Where the message index of each channel starts in `bytes`, and how many messages it names.
+    /// Start of the message index of each channel in `bytes`, and the number of messages that it names.
     indexes: BTreeMap<u16, (u64, u64)>,
-    /// What zstd makes of the contents.
+    /// The contents, compressed by zstd.
     packed: Vec<u8>,
 }
 
@@ -87,8 +87,9 @@ impl Encoder {
 }
 
 impl Output {
-    /// Begins the MCAP file of `profile` in `file`, which is empty, with `metadata` and perhaps an attachment, at once;
-    /// and says where to read its size. The attachment is described by an index without its place and lengths.
+    /// Begins the MCAP file of `profile` in `file`, which is empty: writes `metadata` and perhaps an attachment at
+    /// once. Returns the output and its growing size. The attachment is described by an index without its place and
+    /// lengths.
     pub(super) fn begin(
         file: Arc<File>,
         profile: &str,
@@ -141,7 +142,7 @@ impl Output {
         self.bytes
     }
 
-    /// Puts metadata at the end of `bytes`, which will be appended.
+    /// Appends metadata to `bytes`, which will be appended to the file.
     fn metadata(&mut self, bytes: &mut Vec<u8>, metadata: &Metadata) {
         let start = bytes.len() as u64;
         framing::metadata(bytes, metadata);
@@ -152,7 +153,7 @@ impl Output {
         });
     }
 
-    /// Puts an attachment at the end of `bytes`, which will be appended.
+    /// Appends an attachment to `bytes`, which will be appended to the file.
     fn attachment(&mut self, bytes: &mut Vec<u8>, about: AttachmentIndex, data: &[u8]) {
         let start = bytes.len() as u64;
         framing::attachment(bytes, &about, data);
@@ -214,7 +215,7 @@ impl Output {
         self.append(&bytes)
     }
 
-    /// Puts the summary section and the footer at the end of `bytes`, which will be appended.
+    /// Appends the summary section and the footer to `bytes`, which will be appended to the file.
     fn summary(&self, bytes: &mut Vec<u8>, schemas: &[Vec<u8>], channels: &[Vec<u8>]) {
         let section = bytes.len();
         let at = |bytes: &Vec<u8>| self.bytes + bytes.len() as u64;

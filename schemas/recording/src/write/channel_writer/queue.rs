@@ -1,4 +1,4 @@
-//! The bounded queue between the thread that records and those that write.
+//! The bounded queue between the recording thread and the writing threads.
 
 use super::block::Block;
 use super::chunks::{Chunks, Due};
@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub(super) struct Queue {
     state: Mutex<State>,
-    /// There is something to do, or an end.
+    /// Signals that there is something to do, or an end.
     work: Condvar,
-    /// Something was written, or writing failed.
+    /// Signals that something was written, or that writing failed.
     progress: Condvar,
 }
 
@@ -26,20 +26,20 @@ struct State {
 #[derive(Debug)]
 enum Phase {
     Recording,
-    /// What waits is written, then no more.
+    /// The waiting chunks are written, then no more.
     Ending,
     /// Nothing is written any more.
     GivenUp,
-    /// Writing failed, and nobody knows yet.
+    /// Writing failed, and no caller knows it yet.
     Failed(io::Error),
 }
 
-/// Why nothing more is taken.
+/// Reason why the queue takes nothing more.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// Writing failed, and this caller hears of it first.
+    /// Writing failed, and this caller learns of it first.
     Failed {
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
         /// Frames that were accepted, but are not in the file.
         lost_frames: u64,
@@ -103,7 +103,7 @@ impl Queue {
         self.wait(state, |chunks| chunks.waiting_count() > 0).check()
     }
 
-    /// Has the threads write what there is and end.
+    /// Has the threads write everything that waits, and end.
     pub(super) fn end(&self) {
         let mut state = self.lock();
         if matches!(state.phase, Phase::Recording) {
@@ -145,13 +145,13 @@ impl Queue {
         }
     }
 
-    /// `block` is in the file.
+    /// Takes `block` back, which is in the file.
     pub(super) fn written(&self, block: Block) {
         self.lock().chunks.written(block);
         self.progress.notify_all();
     }
 
-    /// Writing failed: nothing more is taken.
+    /// Notes that writing failed: the queue takes nothing more.
     pub(super) fn fail(&self, error: io::Error) {
         let mut state = self.lock();
         // the first error is the cause of the others
@@ -163,7 +163,7 @@ impl Queue {
         self.progress.notify_all();
     }
 
-    /// Whether writing failed before.
+    /// Fails if writing failed before.
     pub(super) fn check(&self) -> Result<(), Refused> {
         self.lock().check()
     }

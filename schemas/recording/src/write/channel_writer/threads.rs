@@ -29,7 +29,7 @@ pub(super) struct Threads {
 struct Shared {
     queue: Queue,
     writing: Mutex<Writing>,
-    /// Another chunk was written, or writing failed.
+    /// Signals that another chunk was written, or that writing failed.
     turn: Condvar,
     #[cfg(feature = "faults")]
     slow_disk: Duration,
@@ -97,7 +97,7 @@ impl Threads {
         &self.shared.queue
     }
 
-    /// Waits until what is in the file is on the disk.
+    /// Waits until the contents of the file are on the disk.
     pub(super) fn sync(&self) -> io::Result<()> {
         let writing = &mut *self.shared.lock();
         writing.sync.sync(writing.output.file())
@@ -182,7 +182,7 @@ impl Shared {
     }
 }
 
-/// Nobody must wait for a thread that panicked.
+/// Ends the waiting of the others if a thread panics.
 struct Alarm<'a>(&'a Shared);
 
 impl Drop for Alarm<'_> {
