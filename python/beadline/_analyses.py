@@ -4,12 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from ._table import Table, analyse
-
-if TYPE_CHECKING:
-    from ._recording import Recording
 
 
 class Motion(Table):
@@ -51,8 +48,14 @@ class Forces(Table):
 class Analyses:
     """The analyses of a recording."""
 
+    def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
+        from ._recording import Recording
+
+        assert isinstance(self, Recording)
+        return analyse(self, analysis, *tables, **options)
+
     def energies(
-        self: Recording,
+        self,
         *,
         split: int | None = None,
         from_s: float | None = None,
@@ -77,10 +80,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "energies", split=split, **part)[0]
+        return self._tables("energies", split=split, **part)[0]
 
     def impurity(
-        self: Recording,
+        self,
         *,
         bead: int | Sequence[int] | None = None,
         from_s: float | None = None,
@@ -100,10 +103,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Motion(*analyse(self, "impurity", "events", bead=bead, **part))
+        return Motion(*self._tables("impurity", "events", bead=bead, **part))
 
     def contacts(
-        self: Recording,
+        self,
         *,
         tolerance_m: float | None = None,
         from_s: float | None = None,
@@ -125,10 +128,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "contacts", tolerance_m=tolerance_m, **part)[0]
+        return self._tables("contacts", tolerance_m=tolerance_m, **part)[0]
 
     def pulses(
-        self: Recording,
+        self,
         *,
         threshold: float | None = None,
         from_s: float | None = None,
@@ -149,10 +152,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Pulses(*analyse(self, "pulses", "positions", threshold=threshold, **part))
+        return Pulses(*self._tables("pulses", "positions", threshold=threshold, **part))
 
     def spreading(
-        self: Recording,
+        self,
         *,
         from_s: float | None = None,
         until_s: float | None = None,
@@ -171,10 +174,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "spreading", **part)[0]
+        return self._tables("spreading", **part)[0]
 
     def deformation(
-        self: Recording,
+        self,
         contact: int | Sequence[int],
         *,
         from_s: float | None = None,
@@ -191,10 +194,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "deformation", contact=contact, **part)[0]
+        return self._tables("deformation", contact=contact, **part)[0]
 
     def forces(
-        self: Recording,
+        self,
         at: str | Sequence[str],
         *,
         threshold_n: float | None = None,
@@ -217,10 +220,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Forces(*analyse(self, "forces", "peaks", at=at, threshold_n=threshold_n, **part))
+        return Forces(*self._tables("forces", "peaks", at=at, threshold_n=threshold_n, **part))
 
     def spectrum(
-        self: Recording,
+        self,
         at: str | Sequence[str] = (),
         *,
         of: Literal["velocity", "force", "displacement"] | None = None,
@@ -259,10 +262,10 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "spectrum", at=at, of=of, transmission=transmission, spectrogram=spectrogram, map=map, beads=beads, segment=segment, window=window, max_frequency_hz=max_frequency_hz, **part)[0]
+        return self._tables("spectrum", at=at, of=of, transmission=transmission, spectrogram=spectrogram, map=map, beads=beads, segment=segment, window=window, max_frequency_hz=max_frequency_hz, **part)[0]
 
     def modes(
-        self: Recording,
+        self,
         *,
         shapes: bool = False,
         energy: bool = False,
@@ -285,4 +288,4 @@ class Analyses:
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return analyse(self, "modes", shapes=shapes, energy=energy, mode=mode, **part)[0]
+        return self._tables("modes", shapes=shapes, energy=energy, mode=mode, **part)[0]

@@ -69,7 +69,7 @@ def test_the_summary_has_the_reflected_energy_of_the_table(rec: bl.Recording) ->
 
 
 def test_a_run_in_memory_has_the_same_results(rec: bl.Recording) -> None:
-    in_memory = RUN.energies(.simulate(every=20))
+    in_memory = RUN.simulate(every=20).energies()
     in_file = rec.energies()
     assert all(in_memory[name].tobytes() == in_file[name].tobytes() for name in in_file)
 
@@ -248,7 +248,7 @@ INTERRUPTED = """
 import os, signal, sys, threading, time
 from pathlib import Path
 import beadline as bl
-from beadline import _files, _table
+from beadline import _files
 rec = bl.preset("light-impurity").record(sys.argv[1], every=1000)
 interrupted_s = []
 def interrupt():

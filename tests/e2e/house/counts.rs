@@ -4,30 +4,29 @@ use super::source::{Source, files, read, root};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Lines of Rust without tests, comments and blanks that each crate may have, and how many of its doc comments may open with a
-/// question word.
-pub(super) const BUDGETS: [(&str, usize, usize); 21] = [
-    ("the command", 13_500, 136),
-    ("schemas", 8_250, 171),
-    ("schemas/bus", 4_350, 158),
-    ("schemas/recording", 6_800, 156),
-    ("schemas/storage", 2_250, 0),
-    ("schemas/source", 150, 2),
-    ("schemas/recorder", 450, 16),
-    ("producer", 5_850, 77),
-    ("consumers", 5_950, 25),
-    ("consumers/analyses", 2_700, 3),
-    ("consumers/experiments", 1_100, 14),
-    ("consumers/exports", 950, 9),
-    ("consumers/figure", 2_850, 27),
-    ("consumers/paper", 4_700, 0),
-    ("consumers/plots", 1_300, 28),
-    ("consumers/screen", 700, 0),
-    ("consumers/waves", 1_250, 17),
-    ("page", 1_250, 1),
-    ("relay", 2_500, 0),
-    ("python", 2_150, 27),
-    ("tests/bench", 1_900, 36),
+/// Lines of Rust without tests, comments and blanks that each crate may have.
+pub(super) const BUDGETS: [(&str, usize); 21] = [
+    ("the command", 13_500),
+    ("schemas", 8_250),
+    ("schemas/bus", 4_350),
+    ("schemas/recording", 6_800),
+    ("schemas/storage", 2_250),
+    ("schemas/source", 150),
+    ("schemas/recorder", 450),
+    ("producer", 5_850),
+    ("consumers", 5_950),
+    ("consumers/analyses", 2_700),
+    ("consumers/experiments", 1_100),
+    ("consumers/exports", 950),
+    ("consumers/figure", 2_850),
+    ("consumers/paper", 4_700),
+    ("consumers/plots", 1_300),
+    ("consumers/screen", 700),
+    ("consumers/waves", 1_250),
+    ("page", 1_250),
+    ("relay", 2_500),
+    ("python", 2_150),
+    ("tests/bench", 1_900),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
@@ -56,32 +55,37 @@ fn doc(line: &str) -> Option<&str> {
     line.strip_prefix("///").or_else(|| line.strip_prefix("//!")).map(str::trim_start)
 }
 
-/// Doc comments that open with a question word.
-fn questions(source: &Source) -> usize {
+/// Numbers of the lines where a doc comment opens with a question word.
+fn questions(source: &Source) -> impl Iterator<Item = usize> {
     let is_question = |first: &str| {
         QUESTIONS.iter().any(|word| first.strip_prefix(word).is_some_and(|rest| rest.starts_with(' ')))
     };
     let mut before = None;
-    let mut count = 0;
-    for line in &source.lines {
+    source.lines.iter().enumerate().filter_map(move |(index, line)| {
         let now = doc(line);
-        count += usize::from(before.is_none() && now.is_some_and(is_question));
+        let opens = before.is_none() && now.is_some_and(is_question);
         before = now;
+        opens.then_some(index + 1)
+    })
+}
+
+#[test]
+fn doc_comments_open_with_no_question() {
+    let mut found = Vec::new();
+    for source in BUDGETS.iter().flat_map(|(name, _)| sources(name)) {
+        found.extend(questions(&source).map(|line| format!("{}:{line}", source.path.display())));
     }
-    count
+    assert!(found.is_empty(), "these open with one of {QUESTIONS:?}:\n{}", found.join("\n"));
 }
 
 #[test]
 fn crates_keep_to_their_budgets() {
     let (mut total, mut kept, mut table) = (0, true, String::new());
-    for (name, most_lines, most_questions) in BUDGETS {
-        let sources = sources(name);
-        let lines: usize = sources.iter().map(|source| source.code().count()).sum();
-        let questions: usize = sources.iter().map(questions).sum();
+    for (name, most_lines) in BUDGETS {
+        let lines: usize = sources(name).iter().map(|source| source.code().count()).sum();
         total += if name == "tests/bench" { 0 } else { lines };
-        kept &= lines <= most_lines && questions <= most_questions;
-        writeln!(table, "{name}: {lines} of {most_lines} lines, {questions} of {most_questions} questions")
-            .unwrap();
+        kept &= lines <= most_lines;
+        writeln!(table, "{name}: {lines} of {most_lines} lines").unwrap();
     }
     let kept = kept && total <= MOST_LINES;
     assert!(
@@ -94,7 +98,7 @@ fn crates_keep_to_their_budgets() {
 fn functions_and_files_are_short() {
     let (longest_function, longest_file) = LONGEST;
     let mut long = Vec::new();
-    for source in BUDGETS.iter().flat_map(|(name, ..)| sources(name)) {
+    for source in BUDGETS.iter().flat_map(|(name, _)| sources(name)) {
         let path = source.path.strip_prefix(root()).unwrap().display();
         let functions = source.functions().filter(|(.., lines)| lines.len() > longest_function);
         long.extend(functions.map(|(name, _, lines)| format!("{path}: `{name}` has {} lines", lines.len())));
