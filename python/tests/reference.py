@@ -113,8 +113,9 @@ def entry(name: str, thing: Any) -> Iterator[str]:
 
 
 def public(kind: type) -> Iterator[tuple[str, Any]]:
-    """The members that a class has of itself, which are not private."""
-    own = list(vars(kind).items())
+    """The members that a class has of itself, or of a class that is not on this page, which are not private."""
+    hidden = [one for one in kind.__mro__[1:] if one.__module__.startswith("beadline.") and not hasattr(beadline, one.__name__)]
+    own = [item for one in (kind, *hidden) for item in vars(one).items()]
     if kind.__module__ == "beadline":
         # those of Rust come in any order
         own.sort(key=lambda item: item[0])
