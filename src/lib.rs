@@ -94,6 +94,7 @@ pub fn command(arguments: &[OsString], program: Option<Vec<OsString>>) -> u8 {
 }
 
 /// A command line, as it was read.
+#[expect(clippy::large_enum_variant, reason = "one for a process")]
 enum Asked {
     Analysis(Box<AskedAnalysis>),
     Command(Command),

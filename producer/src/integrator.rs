@@ -24,6 +24,7 @@ pub struct Integrator {
 }
 
 #[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "one for a run")]
 enum ByMethod {
     Splitting(Splitting),
     Gear(Gear),

@@ -354,7 +354,7 @@ class Analysis(Consumer):
         if hasattr(made, "send"):
             next(made)
             made = made.send
-        of: Callable[[Any], Row] = made if callable(made) else made.frame
+        of: Callable[[Any], Row] = getattr(made, "frame", made)
         return of
 
     def _begin_native(self, manifest: _native.Manifest) -> Callable[..., list[float]]:

@@ -197,7 +197,7 @@ def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> N
         "window: found x; expected hann, none": lambda: rec.spectrum("bead:3", window="x"),  # type: ignore[arg-type]
         "transmission: found ['bead:3']; expected pairs": lambda: rec.spectrum(transmission=["bead:3"]),  # type: ignore[list-item]
         "beads: found 5; expected neighbours": lambda: rec.spectrum(map=True, beads=5),  # type: ignore[arg-type]
-        "tolerance_m: found -1; expected a length in m, 0 or more": lambda: rec.contacts(tolerance_m=-1.0),
+        "tolerance_m: found -1.0; expected a number, 0 or more": lambda: rec.contacts(tolerance_m=-1.0),
     }.items():
         with pytest.raises(ValueError) as raised:
             ask()

@@ -161,9 +161,9 @@ impl Outlet for Outputs {
 
     fn line(&mut self, table: usize, cells: &[Cell]) {
         let Some(Some(file)) = self.tables.get_mut(table) else { return };
-        cells.iter().for_each(|cell| {
+        for cell in cells {
             file.cell(cell.clone());
-        });
+        }
         let done: Result<(), TableError> = file.end_row();
         self.keep(done);
     }

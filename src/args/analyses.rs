@@ -147,9 +147,10 @@ pub(super) fn command_of(offer: &'static Offer) -> Command {
     for (i, table) in offer.tables.iter().enumerate() {
         let argument = Arg::new(table.name).long(table.name).help(table.help);
         let argument = argument.value_parser(clap::value_parser!(PathBuf));
-        add(match keeps_rows(offer, i) {
-            true => argument.value_name("FILE.csv|.parquet|.mcap").action(ArgAction::Append),
-            false => argument.value_name("FILE.csv|.parquet"),
+        add(if keeps_rows(offer, i) {
+            argument.value_name("FILE.csv|.parquet|.mcap").action(ArgAction::Append)
+        } else {
+            argument.value_name("FILE.csv|.parquet")
         });
     }
     command

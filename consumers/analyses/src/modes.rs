@@ -131,9 +131,10 @@ impl ModeAnalysis {
         if asked.len() > MOST {
             return Err(format!("--mode: at most {MOST} modes at once").into());
         }
-        let chosen: Vec<usize> = match asked.is_empty() {
-            true => (0..default.min(count)).collect(),
-            false => asked.iter().filter_map(|mode| usize::try_from(mode - 1).ok()).collect(),
+        let chosen: Vec<usize> = if asked.is_empty() {
+            (0..default.min(count)).collect()
+        } else {
+            asked.iter().filter_map(|mode| usize::try_from(mode - 1).ok()).collect()
         };
         let modes = (!beginning.is_trial).then(|| modes_of(&chain)).transpose();
         Ok(Self {

@@ -204,7 +204,9 @@ impl Analysis for PulseAnalysis {
         }
         self.ended.clear();
         let happenings = self.pulses.observe(frame).to_vec();
-        happenings.iter().for_each(|happening| self.take(happening, out));
+        for happening in &happenings {
+            self.take(happening, out);
+        }
         if out.is_published() {
             published_row(&mut self.row, self.pulses.under_way(frame.time_s));
             out.publish(frame, RowValues::Numbers(&self.row));
@@ -221,7 +223,9 @@ impl Analysis for PulseAnalysis {
     fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
         self.ended.clear();
         let happenings = self.pulses.finish().to_vec();
-        happenings.iter().for_each(|happening| self.take(happening, out));
+        for happening in &happenings {
+            self.take(happening, out);
+        }
         Ok(())
     }
 

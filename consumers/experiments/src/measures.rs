@@ -252,7 +252,9 @@ mod tests {
     #[test]
     fn kinds_are_those_of_values() {
         assert!(
-            all().flat_map(|offer| offer.numbers()).all(|number| number.kind != consumers::table::Kind::Word)
+            all()
+                .flat_map(consumers::analysis::Offer::numbers)
+                .all(|number| number.kind != consumers::table::Kind::Word)
         );
     }
 }

@@ -36,26 +36,31 @@ impl Setting {
     }
 
     /// The same, which may be given several times.
+    #[must_use]
     pub const fn repeatable(self) -> Self {
         Self { is_repeatable: true, ..self }
     }
 
     /// The same, which must be given.
+    #[must_use]
     pub const fn required(self) -> Self {
         self.required_unless(&[])
     }
 
     /// The same, which must be given unless one of `others` is.
+    #[must_use]
     pub const fn required_unless(self, others: &'static [&'static str]) -> Self {
         Self { required_unless: Some(others), ..self }
     }
 
     /// The same, which is not allowed beside `others`.
+    #[must_use]
     pub const fn excluding(self, others: &'static [&'static str]) -> Self {
         Self { excludes: others, ..self }
     }
 
     /// The same, which is nothing without `other`.
+    #[must_use]
     pub const fn belonging_to(self, other: &'static str) -> Self {
         Self { belongs_to: Some(other), ..self }
     }
@@ -117,13 +122,11 @@ impl Takes {
                     Allowed::AboveZero => Err("expected a number above 0".to_owned()),
                 }
             }
-            Self::Word(words) => match words.iter().any(|(word, _)| *word == text) {
-                true => Ok(()),
-                false => {
-                    let words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-                    Err(format!("expected {}", words.join(" or ")))
-                }
-            },
+            Self::Word(words) if words.iter().any(|(word, _)| *word == text) => Ok(()),
+            Self::Word(words) => {
+                let words: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+                Err(format!("expected {}", words.join(" or ")))
+            }
             Self::Text(_, check) => check(text),
         }
     }
