@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from ._table import Table, analyse
+from ._table import Table
 
 
 class Motion(Table):
@@ -49,10 +49,7 @@ class Analyses:
     """The analyses of a recording."""
 
     def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
-        from ._recording import Recording
-
-        assert isinstance(self, Recording)
-        return analyse(self, analysis, *tables, **options)
+        raise NotImplementedError
 
     def energies(
         self,

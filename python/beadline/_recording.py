@@ -21,6 +21,7 @@ from ._analyses import Analyses
 from ._chain import number
 from ._fields import FieldArray, FieldName, Index, check_memory
 from ._numbers import count
+from ._table import Table, analyse
 from .errors import RecordingError
 
 if TYPE_CHECKING:
@@ -461,6 +462,9 @@ class Recording(Analyses):
     plot = _plot.plot
     to_xarray = _plot.to_xarray
     _repr_html_ = _html.of_recording
+
+    def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
+        return analyse(self, analysis, *tables, **options)
 
     @contextmanager
     def _file(self) -> Iterator[str]:

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from ._table import Table, analyse
+from ._table import Table
 
 '''
 
@@ -31,10 +31,7 @@ class Analyses:
     """The analyses of a recording."""
 
     def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
-        from ._recording import Recording
-
-        assert isinstance(self, Recording)
-        return analyse(self, analysis, *tables, **options)
+        raise NotImplementedError
 '''
 
 # classes of analyses with several tables, whose names are not those of the analyses
