@@ -16,7 +16,7 @@ impl BeadRange {
     /// The beads of a chain of `count`.
     ///
     /// # Errors
-    /// What was found and what the chain has.
+    /// The values found and the beads of the chain.
     pub fn of(self, count: u64) -> Result<Range<usize>, String> {
         let (from, to) = (self.from.unwrap_or(0), self.to.unwrap_or(count));
         let refuse =

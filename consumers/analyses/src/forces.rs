@@ -97,6 +97,8 @@ struct ForceAnalysis {
     threshold_n: f64,
     sensors: Sensors,
     places: Vec<Sensor>,
+    /// The row of the last frame.
+    row: Vec<f64>,
     sampling: Sampling,
     found: Vec<Sensed>,
 }
@@ -120,7 +122,8 @@ impl ForceAnalysis {
             curve: beginning.is_drawn.then(Series::default),
         };
         let places = places.iter().map(sensor).collect();
-        Ok(Self { threshold_n, places, sensors, sampling: Sampling::default(), found: Vec::new(), manifest })
+        let (row, sampling, found) = (Vec::new(), Sampling::default(), Vec::new());
+        Ok(Self { manifest, threshold_n, sensors, places, row, sampling, found })
     }
 }
 
@@ -140,7 +143,7 @@ impl Analysis for ForceAnalysis {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         self.sampling.take(frame.step);
-        let mut row = Vec::with_capacity(2 * self.places.len());
+        self.row.clear();
         for Sensor { place, rest_n, peaks, curve } in &mut self.places {
             let force_n = self.sensors.force_n(frame, *place);
             let overlap_m = self.sensors.overlap_m(frame, *place);
@@ -148,10 +151,10 @@ impl Analysis for ForceAnalysis {
             if let Some(curve) = curve {
                 curve.push(frame.time_s, [force_n, overlap_m.unwrap_or(f64::NAN)]);
             }
-            row.extend(overlap_m);
-            row.push(force_n);
+            self.row.extend(overlap_m);
+            self.row.push(force_n);
         }
-        out.row(frame, &row);
+        out.row(frame, &self.row);
     }
 
     fn gap(&mut self) {

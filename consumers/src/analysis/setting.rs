@@ -106,7 +106,7 @@ impl Takes {
     /// Refuses a value that is none of this kind.
     ///
     /// # Errors
-    /// What was expected.
+    /// The expected values.
     pub fn check(&self, text: &str) -> Result<(), String> {
         match self {
             Self::Nothing => Err("expected no value".to_owned()),
@@ -140,7 +140,7 @@ impl Settings {
     /// Sets `setting` to these values.
     ///
     /// # Errors
-    /// Which value is wrong and what was expected.
+    /// The wrong value and the expected ones.
     pub fn set(&mut self, setting: &Setting, values: Vec<String>) -> Result<(), (String, String)> {
         for value in &values {
             if !matches!(setting.takes, Takes::Nothing) {

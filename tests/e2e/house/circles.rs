@@ -123,7 +123,7 @@ impl Modules {
     }
 }
 
-/// What each module of the Python package imports while it runs.
+/// The modules that each module of the Python package imports while it runs.
 fn python_imports(directory: &Path) -> Imports {
     let module = |path: &Path| {
         let mut is_for_types = false;
