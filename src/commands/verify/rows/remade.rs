@@ -10,8 +10,15 @@ use schemas::results::RowValues;
 /// The rows of one topic.
 pub(super) struct RemadeRows {
     offer: &'static Offer,
-    /// The analysis, and the settings that it was begun with.
-    analysis: Option<(Told, Box<dyn Analysis>)>,
+    begun: Option<Begun>,
+}
+
+/// The analysis with some settings.
+struct Begun {
+    told: Told,
+    analysis: Box<dyn Analysis>,
+    /// Names of its columns, where the file tells them, too.
+    names: Option<String>,
 }
 
 /// Values of settings, as a row tells them.
@@ -23,7 +30,7 @@ impl RemadeRows {
         let name = topic.strip_prefix('/')?;
         let (name, is_added) = name.strip_prefix("own/").map_or((name, false), |name| (name, true));
         let offer = analyses::named(name).filter(|offer| analyses::is_added(offer) == is_added)?;
-        (!matches!(offer.needs.remake, Remake::Not)).then_some(Self { offer, analysis: None })
+        (!matches!(offer.needs.remake, Remake::Not)).then_some(Self { offer, begun: None })
     }
 
     /// The settings that a row tells, of columns with these names.
@@ -45,14 +52,18 @@ impl RemadeRows {
         }
     }
 
-    fn begin(&self, manifest: &RunManifest, told: &Told) -> Result<Box<dyn Analysis>, Refusal> {
+    fn begin(&self, manifest: &RunManifest, told: Told) -> Result<Begun, Refusal> {
         let mut settings = Settings::default();
-        for (name, values) in told {
+        for (name, values) in &told {
             let known = self.offer.settings.iter().find(|setting| setting.name == *name);
             let set = known.map(|setting| settings.set(setting, values.clone()));
             set.transpose().map_err(|(found, why)| Refusal::of(name, found, why))?;
         }
-        (self.offer.begin)(&Beginning::whole(self.offer.name, manifest, &settings))
+        let analysis = (self.offer.begin)(&Beginning::whole(self.offer.name, manifest, &settings))?;
+        // things and classes have the names of their message
+        let are_told = matches!(self.offer.needs.remake, Remake::OfFrame | Remake::OfNames { .. });
+        let columns = self.offer.published(&*analysis).filter(|_| are_told);
+        Ok(Begun { told, analysis, names: columns.map(|columns| columns.names) })
     }
 
     /// The difference between the row of `frame`, of columns with these names, and the one that the frame gives.
@@ -64,33 +75,34 @@ impl RemadeRows {
         row: &RecordedRow,
     ) -> Option<String> {
         let told = self.told(names, row);
-        if self.analysis.as_ref().is_none_or(|(known, _)| *known != told) {
-            match self.begin(manifest, &told) {
-                Ok(analysis) => self.analysis = Some((told, analysis)),
+        if self.begun.as_ref().is_none_or(|begun| begun.told != told) {
+            match self.begin(manifest, told) {
+                Ok(begun) => self.begun = Some(begun),
                 Err(refusal) => return Some(refusal.to_string()),
             }
         }
-        let (_, analysis) = self.analysis.as_mut()?;
+        let Begun { analysis, names: own_names, .. } = self.begun.as_mut()?;
+        if let Some(own) = own_names.as_ref().filter(|own| own.split(',').ne(names.iter().copied())) {
+            return Some(format!("its columns are {}, those of the analysis {own}", names.join(",")));
+        }
         let mut made = LastRow::default();
         analysis.observe(frame, &mut made);
-        let names = self.offer.published(&**analysis).map(|columns| columns.names).unwrap_or_default();
         match (made.values(), row.values.lend()) {
-            (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) => {
-                numbers_differ(made, found, &names)
-            }
+            (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) => numbers_differ(made, found, names),
             (Some(RowValues::Classes(made)), RowValues::Classes(found)) => classes_differ(made, found),
             _ => Some("its values are of another type".to_owned()),
         }
     }
 }
 
-fn numbers_differ(made: &[f64], found: &[f64], names: &str) -> Option<String> {
+fn numbers_differ(made: &[f64], found: &[f64], names: &[&str]) -> Option<String> {
     if made.len() != found.len() {
         return Some(format!("it has {} values, the state gives {}", found.len(), made.len()));
     }
     let differs = (0..made.len()).find(|column| !is_same(made[*column], found[*column]))?;
-    let (name, found, made) =
-        (names.split(',').nth(differs).unwrap_or_default(), found[differs], made[differs]);
+    // things and arrays have fewer names than values, in turn
+    let name = names.get(differs % names.len().max(1)).copied().unwrap_or_default();
+    let (found, made) = (found[differs], made[differs]);
     Some(format!("{name} is {found:e}, the state gives {made:e}"))
 }
 
