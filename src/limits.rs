@@ -4,6 +4,7 @@ use anyhow::Error;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use schemas::amounts::bytes;
 use signal_hook::consts::SIGABRT;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Files that a run with some consumers holds open.
@@ -56,15 +57,23 @@ pub(crate) fn prepare(told: impl FnOnce(&str) -> String) {
     }
     let Some(limit) = getrlimit(Resource::As).current else { return };
     let line = told(&no_memory(limit)) + "\n";
-    let end = move || {
+    let end = Arc::new(move || {
         // whoever does not listen is not told
         let _ = rustix::io::write(rustix::stdio::stderr(), line.as_bytes());
         signal_hook::low_level::exit(1);
-    };
+    });
+    // the standard library panics where there is no room for the second stack of a new thread
+    let (tell, end_thread) = (std::panic::take_hook(), Arc::clone(&end));
+    std::panic::set_hook(Box::new(move |panic| {
+        if panic.location().is_some_and(|at| at.file().ends_with("stack_overflow.rs")) {
+            end_thread();
+        }
+        tell(panic);
+    }));
     // Safety: the action makes two system calls and allocates nothing; it never returns.
     #[expect(unsafe_code, reason = "allocations that fail abort, and only a handler can still say why")]
     // without it the process is aborted, as by default
-    let _ = unsafe { signal_hook::low_level::register(SIGABRT, end) };
+    let _ = unsafe { signal_hook::low_level::register(SIGABRT, move || end()) };
 }
 
 fn no_memory(limit: u64) -> String {
