@@ -81,6 +81,8 @@ pub struct Growth {
     /// The slope of each contact (N/m), and the force (N) of a law, or of the differences.
     slope: Vec<f64>,
     force_n: Vec<f64>,
+    /// The overlap (m) of each contact.
+    overlap_m: Vec<f64>,
     /// The time (s) and the difference of the last look at which it was below [`MEASURED`].
     small: (f64, f64),
     began_s: Option<f64>,
@@ -136,6 +138,7 @@ impl Growth {
             rounding: (0..beads).map(sign).collect(),
             slope: vec![0.0; beads],
             force_n: vec![0.0; beads],
+            overlap_m: vec![0.0; beads],
             small: (0.0, 0.0),
             began_s: None,
             lost: None,
@@ -192,13 +195,16 @@ impl Growth {
         let rest_m = &self.chain.rest_overlap_m[contacts.clone()];
         let (slope, force_n) = (&mut self.slope[contacts.clone()], &mut self.force_n[contacts.clone()]);
         slope.fill(0.0);
+        let overlap_m = &mut self.overlap_m[contacts.clone()];
+        for c in 0..slope.len() {
+            overlap_m[c] = (u_m[c] - u_m[c + 1]) + rest_m[c];
+        }
         let terms = self.chain.terms.iter().map(|term| &term.stiffness);
         for (law, stiffness) in self.laws.iter().zip(std::iter::once(&self.chain.stiffness).chain(terms)) {
             let stiffness = &stiffness[contacts.clone()];
-            law.forces(u_m, stiffness, rest_m, force_n);
+            law.forces(stiffness, overlap_m, force_n);
             for c in 0..slope.len() {
-                let overlap_m = (u_m[c] - u_m[c + 1]) + rest_m[c];
-                slope[c] += law.tangent_by_force(stiffness[c], overlap_m, force_n[c]);
+                slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
             }
         }
     }

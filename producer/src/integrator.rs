@@ -4,7 +4,7 @@ mod gear;
 mod runge;
 mod splitting;
 
-use crate::aligned::aligned;
+use crate::aligned::Padded;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
 use gear::{Gear, taylor_terms};
@@ -106,7 +106,7 @@ impl ChainState {
         let mut extra = physics.initial_extra(u_m);
         let terms = first_terms(physics, u_m, v_m_s);
         extra[..terms.len()].copy_from_slice(&terms);
-        Self { u_m: aligned(u_m), v_m_s: aligned(v_m_s), extra: aligned(&extra), step: 0 }
+        Self { u_m: Padded::of(u_m), v_m_s: Padded::of(v_m_s), extra: Padded::of(&extra), step: 0 }
     }
 }
 

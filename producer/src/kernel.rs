@@ -4,20 +4,23 @@
 //! the [`Activity`] window displacement and velocity are zero, every contact has its force at rest, which is
 //! subtracted in the form in which it was computed, and a kick or a drift adds exactly zero.
 
+mod layout;
 mod moving;
 mod sweep;
 
-use crate::aligned::aligned;
-use aligned_vec::{AVec, CACHELINE_ALIGN, avec};
+use crate::aligned::with_room;
+use aligned_vec::{AVec, CACHELINE_ALIGN};
+pub(crate) use layout::PerLane;
 use moving::Damped;
 pub(crate) use moving::Motion;
 use pulp::Arch;
-use schemas::chain::{Chain, Walls};
+use schemas::chain::{Chain, Wall};
 use schemas::contact::{BLOCK, ContactLaw};
 use schemas::simd::{ordered_sum, vectorized};
 use schemas::sites::Sites;
 use schemas::term::Term;
 use std::ops::Range;
+use sweep::{Constants, Contacts, Ends, GROUP};
 pub(crate) use sweep::{Pass, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.
@@ -74,38 +77,29 @@ pub(crate) struct Pushed<'a> {
     pub(crate) inverse_mass: &'a [f64],
 }
 
-/// The static equilibrium of a loaded chain, N − 1 values each.
-#[derive(Debug, Clone)]
-struct Rest {
-    overlap_m: Vec<f64>,
-    force_n: Vec<f64>,
-}
-
-/// The arrays of a chain in the form in which the kernel uses them.
+/// The arrays of a chain in the form in which the kernel uses them. Those of contacts have at index i the contact on the left of bead i, at
+/// N the one on the right of the last bead; they and those of beads are filled up with zeros.
 #[derive(Debug, Clone)]
 pub struct Kernel {
     arch: Arch,
     law: ContactLaw,
+    /// Number of beads.
+    count: usize,
+    ends: Ends,
     inverse_mass: AVec<f64>,
-    stiffness: AVec<f64>,
-    /// The static equilibrium, if the chain is loaded.
-    rest: Option<Rest>,
-    walls: Walls,
+    /// Force (N) at rest of each contact.
+    rest_n: AVec<f64>,
+    constants: Constants,
     /// The places of the walls (m) at each evaluation of forces in a sweep; the last entry serves for all further
     /// evaluations.
-    walls_m: Vec<[f64; 2]>,
+    walls_m: Vec<[PerLane; 2]>,
     /// The forces (N) of both walls at each evaluation of the last sweep.
-    wall_forces_n: Vec<[f64; 2]>,
-    terms: Vec<Term>,
+    wall_forces_n: Vec<[PerLane; 2]>,
     sites: Sites,
-    is_ring: bool,
     damped: Option<Damped>,
-    /// Scratch space for the evaluation of moving contacts, N + 1 values each, or none.
-    scratch: [Vec<f64>; 2],
-    /// Force (N), beyond the force at rest, of contact `c` at index `c + 1`; at both ends the forces of the walls.
+    /// Force (N), beyond the force at rest, of each contact.
     force: AVec<f64>,
-    /// True for each block in which a contact presses more than at rest. The contact of the last bead with its wall is
-    /// in the last block.
+    /// True for each group in which a contact presses more than at rest.
     presses: Vec<bool>,
     activity: Activity,
     /// Beads of a tile of a sweep.
@@ -121,25 +115,49 @@ impl Kernel {
     /// A kernel with a given instruction set that sweeps `tile` beads at a time; all instruction sets and tiles give
     /// the same bits.
     pub(crate) fn with_arch(chain: &Chain, arch: Arch, tile: usize) -> Self {
-        let rest = || Rest { overlap_m: chain.rest_overlap_m.clone(), force_n: chain.rest_force_n.clone() };
+        let (count, walls) =
+            (chain.bead_count(), [chain.wall(0), chain.wall(if chain.is_ring { 0 } else { 1 })]);
+        let padded = |numbers: &mut dyn Iterator<Item = f64>| {
+            let room = with_room(count) + BLOCK;
+            AVec::from_iter(CACHELINE_ALIGN, numbers.chain(std::iter::repeat(0.0)).take(room))
+        };
+        let beside = |contacts: &[f64], of_walls: [f64; 2]| {
+            padded(&mut [of_walls[0]].into_iter().chain(contacts.iter().copied()).chain([of_walls[1]]))
+        };
+        let of_walls =
+            |number: fn(&Wall) -> f64| walls.map(|wall| if wall.is_there { number(wall) } else { 0.0 });
+        let inverse_mass = padded(&mut chain.mass_kg.iter().map(|m| 1.0 / m));
+        let stiffness = beside(&chain.stiffness, of_walls(|wall| wall.stiffness));
+        let rest_m = beside(&chain.rest_overlap_m, of_walls(|wall| wall.rest_overlap_m));
+        let rest_n = beside(&chain.rest_force_n, of_walls(|wall| wall.rest_force_n));
+        let of_term = |term: &Term| {
+            let of_wall = |side: usize| term.wall_stiffness[if chain.is_ring { 0 } else { side }];
+            let there = [0, 1].map(|side| if walls[side].is_there { of_wall(side) } else { 0.0 });
+            beside(&term.stiffness, there)
+        };
+        let terms: Vec<_> = chain.terms.iter().map(|term| (term.law.clone(), of_term(term))).collect();
+        let contacts = Contacts {
+            inverse_mass: &inverse_mass,
+            stiffness: &stiffness,
+            rest: [&rest_m, &rest_n],
+            terms: &terms,
+        };
         Self {
             arch,
             law: chain.law.clone(),
-            inverse_mass: AVec::from_iter(CACHELINE_ALIGN, chain.mass_kg.iter().map(|m| 1.0 / m)),
-            stiffness: aligned(&chain.stiffness),
-            rest: (chain.is_loaded() || !chain.terms.is_empty()).then(rest),
-            walls: chain.walls,
-            walls_m: vec![[0.0; 2]],
+            count,
+            ends: Ends { is_ring: chain.is_ring, have_wall: walls.map(|wall| wall.is_there) },
+            constants: Constants::of(contacts),
+            walls_m: vec![[PerLane::same(0.0); 2]],
             wall_forces_n: Vec::new(),
-            terms: chain.terms.clone(),
             sites: chain.sites.clone(),
-            is_ring: chain.is_ring,
-            damped: Damped::of(chain),
-            scratch: [Vec::new(), Vec::new()],
-            force: avec![0.0; chain.bead_count() + 1],
-            presses: vec![false; chain.bead_count().div_ceil(BLOCK)],
+            damped: Damped::of(chain, contacts),
+            force: padded(&mut std::iter::empty()),
+            presses: vec![false; with_room(count) / GROUP + 1],
             activity: Activity { beads: 0..0 },
             tile,
+            inverse_mass,
+            rest_n,
         }
     }
 
@@ -148,29 +166,24 @@ impl Kernel {
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
-        self.activity = if self.is_ring { Activity { beads: 0..self.inverse_mass.len() } } else { activity };
+        self.activity = if self.ends.is_ring { Activity { beads: 0..self.count } } else { activity };
     }
 
     /// Puts the walls at these places (m).
     pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
         self.walls_m.clear();
-        self.walls_m.push(walls_m);
+        self.walls_m.push(walls_m.map(PerLane::same));
     }
 
     /// Sets the places of the walls (m) at each evaluation of forces in the next sweep.
     pub(crate) fn move_walls_along(&mut self, walls_m: impl Iterator<Item = [f64; 2]>) {
         self.walls_m.clear();
-        self.walls_m.extend(walls_m);
+        self.walls_m.extend(walls_m.map(|walls_m| walls_m.map(PerLane::same)));
     }
 
     /// The forces (N) of the walls at each evaluation of the last sweep.
-    pub(crate) fn wall_forces_n(&self) -> &[[f64; 2]] {
-        &self.wall_forces_n
-    }
-
-    /// True if each bead depends on nothing but its two contacts, which sweeps by tiles need.
-    pub(crate) fn is_local(&self) -> bool {
-        self.sites.is_none() && !self.is_ring
+    pub(crate) fn wall_forces_n(&self) -> impl Fn(usize) -> [f64; 2] {
+        |evaluation| self.wall_forces_n[evaluation].map(|force| force.0[0])
     }
 
     /// The springs, drag and resonators that act on beads beside their contacts.
@@ -180,7 +193,7 @@ impl Kernel {
 
     /// `1/m` (1/kg) of each bead.
     pub(crate) fn inverse_mass(&self) -> &[f64] {
-        &self.inverse_mass
+        &self.inverse_mass[..self.count]
     }
 
     /// Forces (N) of the contacts on the left and on the right of bead `bead`, evaluated last.
@@ -191,11 +204,6 @@ impl Kernel {
     /// The beads that may not be at rest.
     pub(crate) fn active_beads(&self) -> Range<usize> {
         self.activity.beads.clone()
-    }
-
-    /// The contacts that touch one of `beads`: contact c joins beads c and c + 1.
-    fn contacts_of(&self, beads: &Range<usize>) -> Range<usize> {
-        beads.start.saturating_sub(1)..beads.end.min(self.stiffness.len()) // integers
     }
 
     /// The instruction set to compile loops for.

@@ -1,23 +1,19 @@
 //! The state of a chain at a step.
 
-use crate::aligned::aligned;
-use aligned_vec::AVec;
+pub use crate::aligned::Padded;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
 /// The state on which the next step depends.
-///
-/// Its arrays begin at a cache line: vectors of numbers that lie across two lines take longer to fetch, a sixth of a
-/// step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainState {
     /// Displacements (m), N values.
-    pub u_m: AVec<f64>,
+    pub u_m: Padded,
     /// Velocities (m/s), N values.
-    pub v_m_s: AVec<f64>,
+    pub v_m_s: Padded,
     /// Further values that the method carries from step to step, `E·N` values: see
     /// [`Physics::extra_per_bead`](schemas::manifest::Physics::extra_per_bead).
-    pub extra: AVec<f64>,
+    pub extra: Padded,
     /// Number of the step.
     pub step: u64,
 }
@@ -26,9 +22,9 @@ impl ChainState {
     /// The state of `frame`: a run goes on from it with the bits that it had.
     pub fn of_frame(frame: &Frame<'_>) -> Self {
         Self {
-            u_m: aligned(frame.u_m),
-            v_m_s: aligned(frame.v_m_s),
-            extra: aligned(frame.extra),
+            u_m: Padded::of(frame.u_m),
+            v_m_s: Padded::of(frame.v_m_s),
+            extra: Padded::of(frame.extra),
             step: frame.step,
         }
     }

@@ -223,7 +223,7 @@ impl Read {
 
 /// The hash of a state, as in `beadline.end`.
 pub(crate) fn hash_of(state: &ChainState) -> String {
-    state_hash(state.step, &[state.u_m.as_slice(), &state.v_m_s, &state.extra].concat())
+    state_hash(state.step, &[&state.u_m[..], &state.v_m_s, &state.extra].concat())
 }
 
 /// Reads all states and hands them out in batches, each of which begins with the last state of the one before. Batches

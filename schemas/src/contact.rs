@@ -4,6 +4,8 @@
 //! them: the dynamics, the analyses, or a re-simulation.
 
 use crate::power::{PowerTable, Powers, bounds};
+use crate::simd::{Group, load, store};
+use pulp::{Scalar, Simd};
 use std::sync::Arc;
 
 /// Form in which `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
@@ -103,30 +105,20 @@ impl ContactLaw {
     /// `user`'s loops: one copy of the loop for each form of the power, none with a branch in it.
     #[inline(always)]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
-        // a closure that is not inlined would be compiled without the caller's instruction set
         match &self.form {
-            Form::Linear => user.run(Each(
-                #[inline(always)]
-                |d| d,
-            )),
-            Form::Hertz => user.run(Each(
-                #[inline(always)]
-                |d: f64| d * d.sqrt(),
-            )),
-            Form::Square => user.run(Each(
-                #[inline(always)]
-                |d| d * d,
-            )),
-            Form::Cube => user.run(Each(
-                #[inline(always)]
-                |d| d * d * d,
-            )),
-            Form::Fifth => user.run(Each(
-                #[inline(always)]
-                |d| (d * d) * (d * d) * d,
-            )),
+            Form::Linear => user.run(Each(Linear)),
+            Form::Hertz => user.run(Each(Hertz)),
+            Form::Square => user.run(Each(Square)),
+            Form::Cube => user.run(Each(Cube)),
+            Form::Fifth => user.run(Each(Fifth)),
             Form::General(table) => user.run(table.powers()),
         }
+    }
+
+    /// Calls `user` with no power, for chains in which no contact has a stiffness of its law.
+    #[inline(always)]
+    pub fn with_no_power<U: PowerUser>(user: U) -> U::Output {
+        user.run(NoPower)
     }
 
     /// `δ^α` of one overlap.
@@ -153,37 +145,111 @@ pub trait PowerUser {
 
 /// `δ^α` of overlaps that are 0 or above [the bound](ContactLaw::zero_up_to_m); 0 of 0.
 pub trait Power: Copy {
+    /// True if there is a power at all, which bonds have not.
+    const IS_ANY: bool = true;
+
     /// Powers of a block of overlaps.
-    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK];
+    fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B];
+
+    /// Powers of a group of overlaps, in vectors.
+    fn raise_group<S: Simd, const G: usize>(self, simd: S, overlaps: &Group<G>) -> Group<G>;
 
     /// Power of one overlap.
     fn raise_one(self, overlap: f64) -> f64;
+}
+
+/// A power that is a formula.
+trait Formula: Copy {
+    fn of<S: Simd>(simd: S, d: S::f64s) -> S::f64s;
+}
+
+/// Makes a type of each formula.
+macro_rules! formulas {
+    ($($name:ident: |$simd:ident, $d:ident| $of:expr;)+) => {$(
+        #[derive(Clone, Copy)]
+        struct $name;
+
+        impl Formula for $name {
+            #[inline(always)]
+            fn of<S: Simd>($simd: S, $d: S::f64s) -> S::f64s {
+                $of
+            }
+        }
+    )+};
+}
+
+formulas! {
+    Linear: |_simd, d| d;
+    Hertz: |simd, d| simd.mul_f64s(d, simd.sqrt_f64s(d));
+    Square: |simd, d| simd.mul_f64s(d, d);
+    Cube: |simd, d| simd.mul_f64s(simd.mul_f64s(d, d), d);
+    Fifth: |simd, d| {
+        let square = simd.mul_f64s(d, d);
+        simd.mul_f64s(simd.mul_f64s(square, square), d)
+    };
+}
+
+/// No power.
+#[derive(Clone, Copy)]
+struct NoPower;
+
+impl Power for NoPower {
+    const IS_ANY: bool = false;
+
+    #[inline(always)]
+    fn raise<const B: usize>(self, _: &[f64; B]) -> [f64; B] {
+        [0.0; B]
+    }
+
+    #[inline(always)]
+    fn raise_group<S: Simd, const G: usize>(self, _: S, _: &Group<G>) -> Group<G> {
+        Group([0.0; G])
+    }
+
+    #[inline(always)]
+    fn raise_one(self, _: f64) -> f64 {
+        0.0
+    }
 }
 
 /// A power that is computed without a table.
 #[derive(Clone, Copy)]
 struct Each<F>(F);
 
-impl<F: Fn(f64) -> f64 + Copy> Power for Each<F> {
+impl<F: Formula> Power for Each<F> {
     #[inline(always)]
-    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK] {
-        let mut powers = [0.0; BLOCK];
-        for c in 0..BLOCK {
-            powers[c] = (self.0)(overlaps[c]);
+    fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B] {
+        let mut powers = [0.0; B];
+        for c in 0..B {
+            powers[c] = self.raise_one(overlaps[c]);
+        }
+        powers
+    }
+
+    #[inline(always)]
+    fn raise_group<S: Simd, const G: usize>(self, simd: S, overlaps: &Group<G>) -> Group<G> {
+        let mut powers = Group([0.0; G]);
+        for at in (0..G).step_by(S::F64_LANES) {
+            store::<S>(F::of(simd, load::<S>(&overlaps.0, at)), &mut powers.0, at);
         }
         powers
     }
 
     #[inline(always)]
     fn raise_one(self, overlap: f64) -> f64 {
-        (self.0)(overlap)
+        F::of(Scalar::new(), overlap)
     }
 }
 
 impl Power for Powers<'_> {
     #[inline(always)]
-    fn raise(self, overlaps: &[f64; BLOCK]) -> [f64; BLOCK] {
+    fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B] {
         Powers::raise(self, overlaps)
+    }
+
+    #[inline(always)]
+    fn raise_group<S: Simd, const G: usize>(self, _: S, overlaps: &Group<G>) -> Group<G> {
+        Group(Powers::raise(self, &overlaps.0))
     }
 
     #[inline(always)]

@@ -1,6 +1,42 @@
 //! Loops that are compiled for every width of SIMD registers and give the same bits at each.
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, NullaryFnOnce, Scalar128b, Simd, WithSimd, bytemuck};
+
+/// The most doubles that a register has.
+pub const LANES: usize = 8;
+
+/// Neighbouring numbers that a loop takes together, in registers.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Group<const G: usize>(pub [f64; G]);
+
+/// Runs `work` with the vectors of `arch`, which it names in its loops.
+#[inline(always)]
+pub fn in_vectors<W: WithSimd>(arch: Arch, work: W) -> W::Output {
+    match arch {
+        Arch::Scalar => work.with_simd(Scalar128b),
+        arch => arch.dispatch(work),
+    }
+}
+
+/// The vector that begins at `numbers[at]`.
+#[inline(always)]
+pub fn load<S: Simd>(numbers: &[f64], at: usize) -> S::f64s {
+    bytemuck::pod_read_unaligned(bytemuck::cast_slice(&numbers[at..at + S::F64_LANES]))
+}
+
+/// Writes `vector` from `numbers[at]` on.
+#[inline(always)]
+pub fn store<S: Simd>(vector: S::f64s, numbers: &mut [f64], at: usize) {
+    let to = &mut numbers[at..at + S::F64_LANES];
+    bytemuck::cast_slice_mut::<f64, u8>(to).copy_from_slice(bytemuck::bytes_of(&vector));
+}
+
+/// `numbers` where they are above `bound`, 0 elsewhere.
+#[inline(always)]
+pub fn above<S: Simd>(simd: S, numbers: S::f64s, bound: S::f64s) -> S::f64s {
+    simd.select_f64s(simd.greater_than_f64s(numbers, bound), numbers, simd.splat_f64s(0.0))
+}
 
 /// Runs `work` with the instructions of `arch`: the closure, and all that it inlines, is compiled for each.
 ///

@@ -4,6 +4,8 @@ mod power;
 mod spring;
 mod toda;
 
+use crate::simd::Group;
+use pulp::Simd;
 use std::fmt::Debug;
 use std::ops::Deref;
 
@@ -38,8 +40,8 @@ pub trait Law: Debug {
     /// at the rest overlap `rest_m`. `is_loaded` is true if any contact of the chain has a rest overlap.
     fn excess_j(&self, stiffness: f64, rest_m: f64, approach_m: f64, is_loaded: bool) -> f64;
 
-    /// Writes the force (N) of each of `contacts` into `force_n`.
-    fn forces_of(&self, contacts: Contacts<'_>, force_n: &mut [f64]);
+    /// Writes the force (N) of each of some contacts into `force_n`. Call it through [`vectorized`](crate::simd::vectorized).
+    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]);
 
     /// The exponent of a law that is 0 in open contacts, and a power of the overlap in closed ones.
     fn exponent(&self) -> Option<f64> {
@@ -80,18 +82,25 @@ impl PartialEq for BondForm {
     }
 }
 
-/// Numbers of neighbouring contacts: displacements (m) of the beads on their left and right, stiffness, rest overlap (m).
-pub type Contacts<'a> = [&'a [f64]; 4];
+/// The part of a law that kernels compute in vectors.
+trait InGroups: Law {
+    /// Adds the forces (N) of a group of contacts to `sum_n`.
+    fn add_to<S: Simd, const G: usize>(
+        &self,
+        simd: S,
+        stiffness: &[f64; G],
+        overlap_m: &Group<G>,
+        sum_n: &mut Group<G>,
+    );
+}
 
 /// Writes `force(stiffness, overlap)` of each contact.
 #[inline(always)]
-fn each(
-    [left_m, right_m, stiffness, rest_m]: Contacts<'_>,
-    force_n: &mut [f64],
-    force: impl Fn(f64, f64) -> f64,
-) {
-    for c in 0..force_n.len() {
-        force_n[c] = force(stiffness[c], (left_m[c] - right_m[c]) + rest_m[c]);
+fn each(stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64], force: impl Fn(f64, f64) -> f64) {
+    let count = force_n.len();
+    let (stiffness, overlap_m) = (&stiffness[..count], &overlap_m[..count]);
+    for c in 0..count {
+        force_n[c] = force(stiffness[c], overlap_m[c]);
     }
 }
 
@@ -118,15 +127,23 @@ macro_rules! laws {
         }
 
         impl TermLaw {
-            /// Writes the force (N) of neighbouring contacts into `force_n`, which has one value for each. `u_m` has the
-            /// displacements of their beads, one more than there are contacts; the others are as in [`Chain`](crate::chain::Chain).
-            ///
-            /// Call it through [`vectorized`](crate::simd::vectorized).
+            /// Writes the force (N) of each of some contacts into `force_n`. Call it through
+            /// [`vectorized`](crate::simd::vectorized).
             #[inline(always)]
-            pub fn forces(&self, u_m: &[f64], stiffness: &[f64], rest_overlap_m: &[f64], force_n: &mut [f64]) {
-                let count = force_n.len();
-                let contacts = [&u_m[..count], &u_m[1..=count], &stiffness[..count], &rest_overlap_m[..count]];
-                match self { $(Self::$law(law) => law.forces_of(contacts, force_n)),+ }
+            pub fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
+                match self { $(Self::$law(law) => law.forces(stiffness, overlap_m, force_n)),+ }
+            }
+
+            /// Adds the forces (N) of a group of contacts to `sum_n`.
+            #[inline(always)]
+            pub fn add_to<S: Simd, const G: usize>(
+                &self,
+                simd: S,
+                stiffness: &[f64; G],
+                overlap_m: &Group<G>,
+                sum_n: &mut Group<G>,
+            ) {
+                match self { $(Self::$law(law) => law.add_to(simd, stiffness, overlap_m, sum_n)),+ }
             }
 
             /// Slope dF/dδ (N/m) of a contact whose force (N) is known.

@@ -70,7 +70,7 @@ impl Gear {
             #[inline(always)]
             || predict(self.dt_s, terms),
         );
-        self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+        self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         // a bead that a contact pushes for the first time is at rest, and so is its prediction
         let pushed = self.kernel.pushed();
         let terms = Terms::of(state, &pushed.beads);

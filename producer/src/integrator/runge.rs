@@ -7,6 +7,7 @@
 //! # Source
 //! J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19, doi:10.1016/0771-050X(80)90013-3, table 2.
 
+use crate::aligned::Padded;
 use crate::drives::{Acts, Drives, Now, When};
 use crate::kernel::{Activity, Kernel, Motion};
 use crate::pieces::{Knots, Piece};
@@ -34,9 +35,9 @@ const A: [[f64; STAGES]; STAGES] = [
 
 /// Displacements and velocities of beads and resonators, dissipated work: N values each, or none; and a value of each
 /// drive.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 struct Values {
-    arrays: [Vec<f64>; ARRAYS],
+    arrays: [Padded; ARRAYS],
     works_j: Vec<f64>,
 }
 
@@ -75,7 +76,7 @@ impl Runge {
     pub(crate) fn new(physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
         let (rows, beads) = (physics.rows(), chain.bead_count());
         let drives = Drives::of(&physics.drives, physics.dt_s);
-        let zeros = |is_there: bool| vec![0.0; if is_there { beads } else { 0 }];
+        let zeros = |is_there: bool| Padded::zeros(if is_there { beads } else { 0 });
         let values = || Values {
             arrays: [
                 zeros(true),
@@ -98,7 +99,7 @@ impl Runge {
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
             started_m_s: Vec::new(),
-            power_w: zeros(true),
+            power_w: vec![0.0; beads],
             has_damped_left_wall: chain.damping.is_some() && chain.walls.left.is_there,
         }
     }
@@ -220,8 +221,10 @@ impl Runge {
                 (walls_m[side], walls_m_s[side]) = (now.x_m, now.v_m_s);
             }
         }
+        let [u_m, v_m_s, ..] = &mut self.at.arrays;
+        let mut motion = Motion { u_m: u_m.whole(), v_m_s: v_m_s.whole(), walls_m, walls_m_s };
+        self.kernel.evaluate_moving(beads, &mut motion, &mut self.power_w);
         let [u_m, v_m_s, w_m, w_m_s, _] = &self.at.arrays;
-        self.kernel.evaluate_moving(beads, Motion { u_m, v_m_s, walls_m, walls_m_s }, &mut self.power_w);
         let slopes = &mut self.slopes[stage];
         let [du, dv, dw, dw_v, dwork] = &mut slopes.arrays;
         du[beads.clone()].copy_from_slice(&v_m_s[beads.clone()]);

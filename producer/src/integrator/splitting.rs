@@ -7,7 +7,7 @@
 mod with_drives;
 
 use crate::drives::{Drives, Now};
-use crate::kernel::{Activity, Kernel, Pass};
+use crate::kernel::{Activity, Kernel, Pass, PerLane};
 use crate::pieces::Knots;
 use crate::state::ChainState;
 use schemas::chain::Chain;
@@ -48,22 +48,21 @@ pub(crate) const RKN4: Stages =
 impl Stages {
     /// Passes that a step adds to those before it: its first kick shares one with the last kick of the step before.
     fn passes_per_step(&self) -> u64 {
-        2 * self.kick_drift.len() as u64
+        self.kick_drift.len() as u64
     }
 
     /// The passes of a sweep that makes `steps` steps of `dt_s`.
     fn passes(&self, dt_s: f64, steps: u64) -> Vec<Pass> {
-        let last_kick_s = self.last_kick * dt_s;
+        let last_kick_s = PerLane::same(self.last_kick * dt_s);
         let mut passes = Vec::new();
         for step in 0..steps {
             for (stage, (b, a)) in self.kick_drift.iter().enumerate() {
-                let (kick_s, drift_s) = (b * dt_s, a * dt_s);
+                let (kick_s, drift_s) = (PerLane::same(b * dt_s), PerLane::same(a * dt_s));
                 passes.push(if step > 0 && stage == 0 {
-                    Pass::KickKickDrift { last_kick_s, kick_s, drift_s }
+                    Pass::StageAfterKick { kick_s, drift_s }
                 } else {
-                    Pass::KickDrift { kick_s, drift_s }
+                    Pass::Stage { kick_s, drift_s }
                 });
-                passes.push(Pass::Forces);
             }
         }
         passes.push(Pass::Kick { kick_s: last_kick_s });
@@ -111,10 +110,10 @@ impl Splitting {
     /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
     pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
         let drives = Drives::of(&physics.drives, physics.dt_s);
-        let others = (drives.is_some() || !kernel.is_local()).then(|| Others {
+        let others = (drives.is_some() || !kernel.sites().is_none()).then(|| Others {
             rows: physics.rows(),
             mass_kg: chain.mass_kg.clone(),
-            is_at_walls: kernel.is_local() && drives.as_ref().is_some_and(Drives::are_at_walls),
+            is_at_walls: kernel.sites().is_none() && drives.as_ref().is_some_and(Drives::are_at_walls),
             drives,
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
@@ -145,10 +144,10 @@ impl Splitting {
             // in rounding. So kicks by nothing can be left out from here on.
             state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
-            self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+            self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         }
         let steps = self.steps_to(state.step, last);
-        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
+        self.kernel.sweep(&self.passes, state.u_m.whole(), state.v_m_s.whole());
         state.step += steps;
         self.forces_of_step = Some(state.step);
     }

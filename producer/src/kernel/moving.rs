@@ -1,19 +1,22 @@
 //! Contacts of moving beads, with forces of any kind, and the power that they dissipate: for methods with forces that
 //! depend on velocity.
 
-use super::sweep::{add_up, wall_elastic_n};
-use super::{Kernel, Rest};
+use super::layout::PerLane;
+use super::sweep::{Constants, Contacts, Sweep};
+use super::{Kernel, Pass};
+use crate::aligned::with_room;
+use aligned_vec::{AVec, CACHELINE_ALIGN};
 use schemas::chain::Chain;
-use schemas::contact::{ContactLaw, Power, PowerUser, evaluate};
+use schemas::contact::ContactLaw;
 use schemas::damping::{ContactDamping, Factor};
-use schemas::simd::vectorized;
+use schemas::simd::{in_vectors, vectorized};
 use std::ops::Range;
 
-/// The motion of the chain and its walls: displacements (m), velocities (m/s).
-#[derive(Debug, Clone, Copy)]
+/// The motion of the chain and its walls: displacements (m) and velocities (m/s), with room behind the last bead.
+#[derive(Debug)]
 pub(crate) struct Motion<'a> {
-    pub(crate) u_m: &'a [f64],
-    pub(crate) v_m_s: &'a [f64],
+    pub(crate) u_m: &'a mut [f64],
+    pub(crate) v_m_s: &'a mut [f64],
     pub(crate) walls_m: [f64; 2],
     pub(crate) walls_m_s: [f64; 2],
 }
@@ -24,18 +27,47 @@ pub(super) struct Damped {
     contacts: ContactDamping,
     /// True if bonds, which are never cut, take the place of contacts.
     is_bonded: bool,
-    /// The law of δ^q of a damping that is computed as δ^q/δ.
-    raised: Option<ContactLaw>,
+    /// Overlap (m) at rest of each contact.
+    rest_m: AVec<f64>,
+    /// The elastic force (N) of each contact, that at rest included.
+    elastic_n: Part,
+    /// δ^q of each contact.
+    raised: Part,
 }
 
 impl Damped {
-    /// The damping of `chain`, if it has one.
-    pub(super) fn of(chain: &Chain) -> Option<Self> {
-        chain.damping.clone().map(|contacts| Self {
-            raised: contacts.kind.raised(chain.law.alpha()),
-            contacts,
+    /// The damping of `chain`, if it has one, whose arrays are `contacts`.
+    pub(super) fn of(chain: &Chain, contacts: Contacts<'_>) -> Option<Self> {
+        let damping = chain.damping.clone()?;
+        let [rest_m, _] = contacts.rest;
+        let rest = [rest_m, &vec![0.0; rest_m.len()]];
+        let ones = vec![1.0; rest_m.len()];
+        let raised_by = damping.kind.raised(chain.law.alpha()).unwrap_or_else(|| chain.law.clone());
+        Some(Self {
+            contacts: damping,
             is_bonded: chain.is_bonded,
+            rest_m: AVec::from_slice(CACHELINE_ALIGN, rest_m),
+            elastic_n: Part::of(chain.law.clone(), Contacts { rest, ..contacts }),
+            raised: Part::of(raised_by, Contacts { rest, stiffness: &ones, terms: &[], ..contacts }),
         })
+    }
+}
+
+/// Some quantity of each contact that a sweep finds as it finds forces.
+#[derive(Debug, Clone)]
+struct Part {
+    law: ContactLaw,
+    constants: Constants,
+    found: AVec<f64>,
+    presses: Vec<bool>,
+}
+
+impl Part {
+    fn of(law: ContactLaw, contacts: Contacts<'_>) -> Self {
+        let mut found = AVec::from_slice(CACHELINE_ALIGN, contacts.stiffness);
+        found.fill(0.0);
+        let presses = vec![false; found.len()];
+        Self { law, constants: Constants::of(contacts), found, presses }
     }
 }
 
@@ -43,133 +75,100 @@ impl Kernel {
     /// Evaluates the forces of the contacts of `beads`. If contacts are damped, writes the power (W) that each
     /// dissipates into `power_w` (N values). Number `c` is that of contact `c`, the last one that of both walls, or of
     /// the contact that closes a ring.
-    pub(crate) fn evaluate_moving(&mut self, beads: &Range<usize>, motion: Motion<'_>, power_w: &mut [f64]) {
-        let contacts = self.contacts_of(beads);
-        let count = motion.u_m.len();
-        let mut scratch = std::mem::take(&mut self.scratch);
-        for numbers in &mut scratch {
-            numbers.resize(count, 0.0);
-        }
-        let rest = self
-            .rest
-            .take()
-            .unwrap_or_else(|| Rest { overlap_m: vec![0.0; count - 1], force_n: vec![0.0; count - 1] });
-        let [elastic_n, raised] = &mut scratch;
-        self.elastic(&contacts, motion, &rest, &mut elastic_n[contacts.clone()]);
-        let damped = self.damped.take();
-        match &damped {
-            None => {
-                let (elastic_n, rest_n) = (&elastic_n[contacts.clone()], &rest.force_n[contacts.clone()]);
-                let force = &mut self.force[contacts.start + 1..=contacts.end];
-                for c in 0..force.len() {
-                    force[c] = elastic_n[c] - rest_n[c];
-                }
-            }
-            Some(damped) => {
-                let found = [&mut elastic_n[contacts.clone()], &mut raised[contacts.clone()]];
-                self.damp(damped, &contacts, motion, &rest, found, &mut power_w[contacts.clone()]);
-            }
-        }
-        let [left, right] = self.walls_moving(damped.as_ref(), motion);
-        (self.force[0], self.force[count]) = (left.0, if self.is_ring { left.0 } else { right.0 });
-        if damped.is_some() {
-            power_w[count - 1] = left.1 + right.1;
-        }
-        (self.scratch, self.rest, self.damped) = (scratch, Some(rest), damped);
-    }
-
-    /// The elastic forces (N), those at rest included, of `contacts`.
-    fn elastic(&self, contacts: &Range<usize>, motion: Motion<'_>, rest: &Rest, out_n: &mut [f64]) {
-        let law = &self.law;
-        let elastic = Elastic {
-            u_m: &motion.u_m[contacts.start..=contacts.end],
-            contacts: contacts.clone(),
-            stiffness: &self.stiffness[contacts.clone()],
-            rest,
-            terms: &self.terms,
-            law,
-            out_n,
-        };
-        vectorized(
-            self.arch,
-            #[inline(always)]
-            || law.with_power(elastic),
-        );
-    }
-
-    /// Evaluates the forces of damped `contacts`, and the power (W) that each dissipates. The elastic force (N) of
-    /// each is given; where δ^q is needed, there is room for it.
-    fn damp(
+    pub(crate) fn evaluate_moving(
         &mut self,
-        damped: &Damped,
-        contacts: &Range<usize>,
-        motion: Motion<'_>,
-        rest: &Rest,
-        [elastic_n, raised]: [&mut [f64]; 2],
+        beads: &Range<usize>,
+        motion: &mut Motion<'_>,
         power_w: &mut [f64],
     ) {
-        let (u_m, v_m_s) =
-            (&motion.u_m[contacts.start..=contacts.end], &motion.v_m_s[contacts.start..=contacts.end]);
-        let (overlap_m, rest_n) = (&rest.overlap_m[contacts.clone()], &rest.force_n[contacts.clone()]);
-        let factor = damped.contacts.kind.factor();
-        if !matches!(factor, Factor::One) {
-            let law = damped.raised.as_ref().unwrap_or(&self.law);
-            let raised = Raised { u_m, overlap_m, zero_up_to_m: law.zero_up_to_m(), out: &mut *raised };
-            vectorized(
-                self.arch,
-                #[inline(always)]
-                || law.with_power(raised),
-            );
-        }
-        let coefficient = &damped.contacts.coefficient[contacts.clone()];
-        let (is_bonded, zero_up_to_m) = (damped.is_bonded, self.law.zero_up_to_m());
-        let force = &mut self.force[contacts.start + 1..=contacts.end];
-        for c in 0..force.len() {
-            let known = Known {
-                elastic_n: elastic_n[c],
-                raised: raised[c],
-                overlap_m: (u_m[c] - u_m[c + 1]) + overlap_m[c],
-                rate_m_s: v_m_s[c] - v_m_s[c + 1],
-                coefficient: coefficient[c],
+        self.move_walls(motion.walls_m);
+        let Some(mut damped) = self.damped.take() else {
+            return self.sweep_over(beads, &[Pass::Forces], motion.u_m, motion.v_m_s);
+        };
+        self.elastic(&mut damped, beads, motion);
+        self.damp(&damped, beads, motion, power_w);
+        self.damped = Some(damped);
+    }
+
+    /// Evaluates the elastic forces of the contacts of `beads`, those at rest included, and δ^q where it is needed.
+    fn elastic(&self, damped: &mut Damped, beads: &Range<usize>, motion: &mut Motion<'_>) {
+        let has_factor = !matches!(damped.contacts.kind.factor(), Factor::One);
+        for part in
+            [Some(&mut damped.elastic_n), has_factor.then_some(&mut damped.raised)].into_iter().flatten()
+        {
+            let sweep = Sweep {
+                passes: &[Pass::Forces],
+                tile: with_room(self.count),
+                beads: beads.clone(),
+                count: self.count,
+                u_m: motion.u_m,
+                v_m_s: motion.v_m_s,
+                force: &mut part.found,
+                presses: &mut part.presses,
+                constants: &part.constants,
+                ends: self.ends,
+                walls_m: &self.walls_m,
+                wall_forces_n: &mut [[PerLane::same(0.0); 2]],
+                law: &part.law,
             };
-            let (damped_n, dissipated_w) = known.damped(factor, is_bonded, zero_up_to_m);
-            (force[c], power_w[c]) = (damped_n - rest_n[c], dissipated_w);
+            in_vectors(self.arch, sweep);
         }
     }
 
-    /// Force (N) beyond that at rest and dissipated power (W) of the contacts with the left and with the right wall.
-    /// In a ring, the first is that of the contact that closes it.
-    fn walls_moving(&self, damped: Option<&Damped>, motion: Motion<'_>) -> [(f64, f64); 2] {
-        let approaches = self.approaches(motion.u_m, motion.walls_m);
-        let rates = self.approaches(motion.v_m_s, motion.walls_m_s);
-        [(0, self.walls.left), (1, self.walls.right)].map(|(side, wall)| {
-            if !wall.is_there {
-                return (0.0, 0.0);
+    /// Evaluates the forces of damped contacts, and the power (W) that each dissipates, from their elastic forces.
+    fn damp(&mut self, damped: &Damped, beads: &Range<usize>, motion: &Motion<'_>, power_w: &mut [f64]) {
+        let (arch, last) = (self.arch, self.count - 1);
+        let between = (if beads.start == 0 { 1 } else { beads.start })..beads.end;
+        vectorized(
+            arch,
+            #[inline(always)]
+            || {
+                for i in between {
+                    let approach_m = motion.u_m[i - 1] - motion.u_m[i];
+                    let rate_m_s = motion.v_m_s[i - 1] - motion.v_m_s[i];
+                    let coefficient = damped.contacts.coefficient[i - 1];
+                    power_w[i - 1] = self.damp_one(damped, i, approach_m, rate_m_s, coefficient);
+                }
+            },
+        );
+        let approaches = |values: &[f64], walls: [f64; 2]| {
+            let round = values[last] - values[0];
+            if self.ends.is_ring { [round; 2] } else { [walls[0] - values[0], values[last] - walls[1]] }
+        };
+        let approaches_m = approaches(motion.u_m, motion.walls_m);
+        let rates_m_s = approaches(motion.v_m_s, motion.walls_m_s);
+        let mut walls_w = [0.0; 2];
+        for (side, contact) in [(0, 0), (1, self.count)] {
+            if self.ends.have_wall[side] {
+                let coefficient = damped.contacts.wall_coefficient[if self.ends.is_ring { 0 } else { side }];
+                walls_w[side] =
+                    self.damp_one(damped, contact, approaches_m[side], rates_m_s[side], coefficient);
             }
-            let elastic_n = wall_elastic_n(&wall, side, &self.law, &self.terms, approaches[side]);
-            let Some(damped) = damped else { return (elastic_n - wall.rest_force_n, 0.0) };
-            let overlap_m = wall.overlap_m(approaches[side]);
-            let known = Known {
-                elastic_n,
-                raised: damped.raised.as_ref().unwrap_or(&self.law).force(1.0, overlap_m),
-                overlap_m,
-                rate_m_s: rates[side],
-                coefficient: damped.contacts.wall_coefficient[side],
-            };
-            let (damped_n, power_w) =
-                known.damped(damped.contacts.kind.factor(), damped.is_bonded, self.law.zero_up_to_m());
-            (damped_n - wall.rest_force_n, power_w)
-        })
+        }
+        power_w[last] = walls_w[0] + if self.ends.is_ring { 0.0 } else { walls_w[1] };
     }
 
-    /// Approach of the end beads of displacements `values` to walls displaced by `walls`; in a ring, the approach of
-    /// the last bead to the first. For velocities, the rate of approach.
-    fn approaches(&self, values: &[f64], walls: [f64; 2]) -> [f64; 2] {
-        let last = values.len() - 1;
-        if self.is_ring {
-            return [values[last] - values[0], 0.0];
-        }
-        [walls[0] - values[0], values[last] - walls[1]]
+    /// Evaluates the force of the contact on the left of bead `i`, and gives the power (W) that it dissipates.
+    #[inline(always)]
+    fn damp_one(
+        &mut self,
+        damped: &Damped,
+        i: usize,
+        approach_m: f64,
+        rate_m_s: f64,
+        coefficient: f64,
+    ) -> f64 {
+        let known = Known {
+            elastic_n: damped.elastic_n.found[i],
+            raised: damped.raised.found[i],
+            overlap_m: approach_m + damped.rest_m[i],
+            rate_m_s,
+            coefficient,
+        };
+        let (damped_n, dissipated_w) =
+            known.damped(damped.contacts.kind.factor(), damped.is_bonded, self.law.zero_up_to_m());
+        self.force[i] = damped_n - self.rest_n[i];
+        dissipated_w
     }
 }
 
@@ -197,59 +196,10 @@ impl Known {
     }
 }
 
-/// The elastic forces of some contacts.
-struct Elastic<'a> {
-    u_m: &'a [f64],
-    contacts: Range<usize>,
-    stiffness: &'a [f64],
-    rest: &'a Rest,
-    terms: &'a [schemas::term::Term],
-    law: &'a ContactLaw,
-    out_n: &'a mut [f64],
-}
-
-impl PowerUser for Elastic<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, power: impl Power) {
-        let with = (power, self.law.zero_up_to_m());
-        add_up((self.u_m, self.contacts), self.stiffness, self.rest, self.terms, with, self.out_n);
-    }
-}
-
-/// δ^q of some contacts.
-struct Raised<'a> {
-    u_m: &'a [f64],
-    overlap_m: &'a [f64],
-    out: &'a mut [f64],
-    zero_up_to_m: f64,
-}
-
-impl PowerUser for Raised<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, power: impl Power) {
-        let contacts = self.out.len();
-        evaluate(
-            [&self.u_m[..contacts], &self.u_m[1..], self.overlap_m],
-            self.out,
-            power,
-            self.zero_up_to_m,
-            #[inline(always)]
-            |[left, right, rest]| (left - right) + rest,
-            #[inline(always)]
-            |_, _, power| power,
-            #[inline(always)]
-            |_, any_closed| any_closed,
-        );
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::aligned::Padded;
     use schemas::chain::{Wall, Walls};
     use schemas::damping::{Damping, Restitution};
 
@@ -262,9 +212,11 @@ mod tests {
         let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
         let mut kernel = Kernel::new(&chain.with_damping(Some(contacts)));
         let mut power_w = vec![1.0; 2];
-        let motion = Motion { u_m: &[0.0; 2], v_m_s, walls_m: [0.0; 2], walls_m_s: [0.0; 2] };
-        kernel.evaluate_moving(&(0..2), motion, &mut power_w);
-        (kernel.force.to_vec(), power_w)
+        let (mut u_m, mut v_m_s) = (Padded::zeros(2), Padded::of(v_m_s));
+        let mut motion =
+            Motion { u_m: u_m.whole(), v_m_s: v_m_s.whole(), walls_m: [0.0; 2], walls_m_s: [0.0; 2] };
+        kernel.evaluate_moving(&(0..2), &mut motion, &mut power_w);
+        (kernel.force[..3].to_vec(), power_w)
     }
 
     #[test]

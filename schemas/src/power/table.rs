@@ -5,7 +5,6 @@
 //! digits, as two doubles; the rest is a binomial series. `docs/KERNEL.md` defines every bit of it.
 
 use super::fixed::Power;
-use crate::contact::BLOCK;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Room for entries: at most 229,400 are used, and 100,000 at α = 1.3. Memory that is not used is never touched.
@@ -157,18 +156,18 @@ impl Powers<'_> {
     ///
     /// In loops of which the compiler makes vectors, but for the one in the middle, which loads two doubles at a time.
     #[inline(always)]
-    pub fn raise(self, x: &[f64; BLOCK]) -> [f64; BLOCK] {
-        let (mut above, mut places) = ([0.0; BLOCK], [0_u32; BLOCK]);
-        for n in 0..BLOCK {
+    pub fn raise<const B: usize>(self, x: &[f64; B]) -> [f64; B] {
+        let (mut above, mut places) = ([0.0; B], [0_u32; B]);
+        for n in 0..B {
             above[n] = self.above(x[n]);
             places[n] = self.place(above[n]);
         }
-        let mut entries = [[0.0; 2]; BLOCK];
-        for n in 0..BLOCK {
+        let mut entries = [[0.0; 2]; B];
+        for n in 0..B {
             entries[n] = self.entries[places[n] as usize % SPAN];
         }
-        let mut powers = [0.0; BLOCK];
-        for n in 0..BLOCK {
+        let mut powers = [0.0; B];
+        for n in 0..B {
             powers[n] = self.near(above[n], entries[n]);
         }
         powers

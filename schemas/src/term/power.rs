@@ -1,8 +1,10 @@
 //! A power of the overlap, as a term: `F = k·δ^α` where the contact is closed.
 
-use super::{Contacts, Law};
+use super::{InGroups, Law};
 use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
 use crate::excess::{AtRest, Excess};
+use crate::simd::{Group, above, load, store};
+use pulp::{Simd, WithSimd};
 
 impl Law for ContactLaw {
     fn named(&self) -> (&'static str, f64) {
@@ -36,8 +38,12 @@ impl Law for ContactLaw {
     }
 
     #[inline(always)]
-    fn forces_of(&self, contacts: Contacts<'_>, force_n: &mut [f64]) {
-        self.with_power(Forces { contacts, force_n, zero_up_to_m: self.zero_up_to_m() });
+    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
+        self.with_power(Forces {
+            contacts: [overlap_m, stiffness],
+            force_n,
+            zero_up_to_m: self.zero_up_to_m(),
+        });
     }
 
     fn exponent(&self) -> Option<f64> {
@@ -45,8 +51,61 @@ impl Law for ContactLaw {
     }
 }
 
+impl InGroups for ContactLaw {
+    #[inline(always)]
+    fn add_to<S: Simd, const G: usize>(
+        &self,
+        simd: S,
+        stiffness: &[f64; G],
+        overlap_m: &Group<G>,
+        sum_n: &mut Group<G>,
+    ) {
+        // a call, so that its loops are there once for all laws of the contact itself
+        simd.vectorize(AddPowers { law: self, stiffness, overlap_m, sum_n });
+    }
+}
+
+struct AddPowers<'a, const G: usize> {
+    law: &'a ContactLaw,
+    stiffness: &'a [f64; G],
+    overlap_m: &'a Group<G>,
+    sum_n: &'a mut Group<G>,
+}
+
+impl<const G: usize> WithSimd for AddPowers<'_, G> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.law.with_power(AddPowersIn { simd, add: self });
+    }
+}
+
+struct AddPowersIn<'a, S, const G: usize> {
+    simd: S,
+    add: AddPowers<'a, G>,
+}
+
+impl<S: Simd, const G: usize> PowerUser for AddPowersIn<'_, S, G> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, power: impl Power) {
+        let Self { simd, add: AddPowers { law, stiffness, overlap_m, sum_n } } = self;
+        let (zero_up_to_m, mut closed_m) = (simd.splat_f64s(law.zero_up_to_m()), Group([0.0; G]));
+        for at in (0..G).step_by(S::F64_LANES) {
+            store::<S>(above(simd, load::<S>(&overlap_m.0, at), zero_up_to_m), &mut closed_m.0, at);
+        }
+        let powers = power.raise_group(simd, &closed_m);
+        for at in (0..G).step_by(S::F64_LANES) {
+            let force_n = simd.mul_f64s(load::<S>(stiffness, at), load::<S>(&powers.0, at));
+            store::<S>(simd.add_f64s(load::<S>(&sum_n.0, at), force_n), &mut sum_n.0, at);
+        }
+    }
+}
+
 struct Forces<'a> {
-    contacts: Contacts<'a>,
+    contacts: [&'a [f64]; 2],
     force_n: &'a mut [f64],
     zero_up_to_m: f64,
 }
@@ -62,9 +121,9 @@ impl PowerUser for Forces<'_> {
             power,
             self.zero_up_to_m,
             #[inline(always)]
-            |[left, right, _, rest]| (left - right) + rest,
+            |[overlap_m, _]| overlap_m,
             #[inline(always)]
-            |[_, _, stiffness, _], _, power| stiffness * power,
+            |[_, stiffness], _, power| stiffness * power,
             #[inline(always)]
             |_, any_closed| any_closed,
         );

@@ -1,6 +1,8 @@
 //! Two-sided springs: `F = k·δ^n`, also where δ < 0.
 
-use super::{BondForm, Contacts, Law, TermLaw, each};
+use super::{BondForm, InGroups, Law, TermLaw, each};
+use crate::simd::{Group, load, store};
+use pulp::Simd;
 
 /// `F = k·δ^n` with n = 1, 2 or 3, k in N·m^−n.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,12 +78,43 @@ impl Law for Spring {
     }
 
     #[inline(always)]
-    fn forces_of(&self, contacts: Contacts<'_>, force_n: &mut [f64]) {
+    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
         each(
-            contacts,
+            stiffness,
+            overlap_m,
             force_n,
             #[inline(always)]
             |stiffness, overlap_m| self.force(stiffness, overlap_m),
         );
+    }
+}
+
+impl Spring {
+    /// Forces (N) of the contacts in a register.
+    #[inline(always)]
+    pub fn force_in<S: Simd>(self, simd: S, stiffness: S::f64s, overlap_m: S::f64s) -> S::f64s {
+        let power = match self.0 {
+            1 => overlap_m,
+            2 => simd.mul_f64s(overlap_m, overlap_m),
+            _ => simd.mul_f64s(simd.mul_f64s(overlap_m, overlap_m), overlap_m),
+        };
+        simd.mul_f64s(stiffness, power)
+    }
+}
+
+impl InGroups for Spring {
+    #[inline(always)]
+    fn add_to<S: Simd, const G: usize>(
+        &self,
+        simd: S,
+        stiffness: &[f64; G],
+        overlap_m: &Group<G>,
+        sum_n: &mut Group<G>,
+    ) {
+        for at in (0..G).step_by(S::F64_LANES) {
+            let (stiffness, d) = (load::<S>(stiffness, at), load::<S>(&overlap_m.0, at));
+            let force_n = self.force_in(simd, stiffness, d);
+            store::<S>(simd.add_f64s(load::<S>(&sum_n.0, at), force_n), &mut sum_n.0, at);
+        }
     }
 }

@@ -3,8 +3,10 @@
 //! # Source
 //! M. Toda, J. Phys. Soc. Jpn. 22 (1967) 431, doi:10.1143/JPSJ.22.431.
 
-use super::{BondForm, Contacts, Law, TermLaw, each};
+use super::{BondForm, InGroups, Law, TermLaw, each};
 use crate::functions::{exp_m1, q2};
+use crate::simd::Group;
+use pulp::Simd;
 
 /// `F = k·(exp(b·δ) − 1)/b` with the steepness b (1/m), k in N/m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,9 +57,10 @@ impl Law for Toda {
     }
 
     #[inline(always)]
-    fn forces_of(&self, contacts: Contacts<'_>, force_n: &mut [f64]) {
+    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
         each(
-            contacts,
+            stiffness,
+            overlap_m,
             force_n,
             #[inline(always)]
             |stiffness, overlap_m| self.force(stiffness, overlap_m),
@@ -72,5 +75,20 @@ impl Law for Toda {
         }
         let e = SPARE_ENERGY * energy_j * (self.0 * self.0) / at_rest;
         Some(at_rest * (1.0 + e + (2.0 * e).sqrt()))
+    }
+}
+
+impl InGroups for Toda {
+    #[inline(always)]
+    fn add_to<S: Simd, const G: usize>(
+        &self,
+        _: S,
+        stiffness: &[f64; G],
+        overlap_m: &Group<G>,
+        sum_n: &mut Group<G>,
+    ) {
+        for c in 0..G {
+            sum_n.0[c] += self.force(stiffness[c], overlap_m.0[c]);
+        }
     }
 }

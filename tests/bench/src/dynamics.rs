@@ -23,7 +23,7 @@ const STEPS: u64 = 400;
 const LONG_STEPS: u64 = 16;
 
 /// States of a run, from the first to the last, from which a number of steps can be made.
-struct Moments {
+pub(super) struct Moments {
     physics: Physics,
     states: Vec<ChainState>,
     steps: u64,
@@ -53,7 +53,15 @@ impl Moments {
         Ok(Self { physics, states, steps })
     }
 
-    fn bead_steps(&self) -> f64 {
+    /// One state in which every bead moves a little.
+    pub(super) fn all_moving(config: &RunConfig, steps: u64) -> Result<Self, Error> {
+        let physics = Physics::resolve(config)?;
+        let v_m_s: Vec<f64> = (0..physics.beads).map(|i| 1e-3 * ((i * i) % 7) as f64).collect();
+        let u_m = vec![0.0; v_m_s.len()];
+        Ok(Self { states: vec![ChainState::starting_at(&physics, &u_m, &v_m_s)], physics, steps })
+    }
+
+    pub(super) fn bead_steps(&self) -> f64 {
         (self.physics.beads * self.steps) as f64 * self.states.len() as f64
     }
 
@@ -62,7 +70,7 @@ impl Moments {
         self.states.iter().map(&mut advance).sum()
     }
 
-    fn ours(&self, arch: Arch) -> Duration {
+    pub(super) fn ours(&self, arch: Arch) -> Duration {
         let fresh = Integrator::with_arch(&self.physics, arch);
         let mut integrator = fresh.clone();
         self.time(|start| {

@@ -8,6 +8,7 @@ mod analyses;
 mod bare_bus;
 mod bare_mcap;
 mod baseline;
+mod chains;
 mod child;
 mod dynamics;
 mod memory;
@@ -95,11 +96,16 @@ impl Group {
 }
 
 /// Every group, in the order of the table.
-const GROUPS: [Group; 7] = [
+const GROUPS: [Group; 8] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
         measure: dynamics::rows,
+    },
+    Group {
+        name: "chains",
+        about: "small, pressed and bonded chains against a plain loop in C",
+        measure: chains::rows,
     },
     Group {
         name: "recordings",

@@ -6,7 +6,7 @@
 
 use super::{Others, Splitting};
 use crate::drives::{Acts, Drives, Now, When};
-use crate::kernel::{Activity, Pass};
+use crate::kernel::{Activity, Pass, PerLane};
 use crate::pieces::Piece;
 use crate::state::ChainState;
 
@@ -41,7 +41,11 @@ impl Splitting {
         for (stage, (b, a)) in self.stages.kick_drift.iter().enumerate() {
             self.kick_with(others, b * dt_s, state);
             let drift_s = a * dt_s;
-            self.kernel.sweep(&[Pass::Drift { drift_s }], &mut state.u_m, &mut state.v_m_s);
+            self.kernel.sweep(
+                &[Pass::Drift { drift_s: PerLane::same(drift_s) }],
+                state.u_m.whole(),
+                state.v_m_s.whole(),
+            );
             let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
             let beads = self.kernel.active_beads();
             if others.rows.resonators {
@@ -52,7 +56,7 @@ impl Splitting {
             after += a;
             let when = if stage == last { piece.end() } else { piece.within(after * dt_s) };
             self.move_to(others, when, state);
-            self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+            self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
         if let Some(drives) = &others.drives {
@@ -85,7 +89,7 @@ impl Splitting {
         }
         self.kernel.move_walls_along(moments.chunks_exact(count).skip(1).map(|now| walls_at(drives, now)));
         let before_n = [self.kernel.forces_at(0)[0], self.kernel.forces_at(state.u_m.len() - 1)[1]];
-        self.kernel.sweep(&self.passes, &mut state.u_m, &mut state.v_m_s);
+        self.kernel.sweep(&self.passes, state.u_m.whole(), state.v_m_s.whole());
         let forces_n = self.kernel.wall_forces_n();
         let mut at = 0;
         for _ in 0..steps {
@@ -93,7 +97,7 @@ impl Splitting {
             for (kick, b) in kicks.enumerate() {
                 let kick_s = b * self.dt_s;
                 let now = &moments[(at + kick) * count..][..count];
-                let [left_n, right_n] = if at + kick == 0 { before_n } else { forces_n[at + kick - 1] };
+                let [left_n, right_n] = if at + kick == 0 { before_n } else { forces_n(at + kick - 1) };
                 for (d, now) in now.iter().enumerate() {
                     row[2 * d] += match drives.acts(d) {
                         Acts::Wall(0) => kick_s * (left_n * now.v_m_s),
@@ -121,7 +125,7 @@ impl Splitting {
             drives.at(start, others.rows.drives_of(&state.extra), &mut others.now);
             self.kernel.move_walls(walls_at(drives, &others.now));
         }
-        self.kernel.sweep(&[Pass::Forces], &mut state.u_m, &mut state.v_m_s);
+        self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
     }
 
     /// Puts the walls and beads that drives move at their places at `when`.
@@ -149,7 +153,11 @@ impl Splitting {
             others.before_kick = before;
         }
         if self.kernel.sites().is_none() {
-            self.kernel.sweep(&[Pass::Kick { kick_s }], &mut state.u_m, &mut state.v_m_s);
+            self.kernel.sweep(
+                &[Pass::Kick { kick_s: PerLane::same(kick_s) }],
+                state.u_m.whole(),
+                state.v_m_s.whole(),
+            );
         } else {
             self.kick_sites(others, kick_s, state);
         }

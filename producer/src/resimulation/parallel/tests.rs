@@ -122,7 +122,7 @@ fn a_panic_of_a_thread_goes_on_where_its_states_are_awaited() {
     for limits in TIGHT {
         let mut source = script(&m, &[0, 20, 40, 60, 80, 100]);
         let Item::State(state) = &mut source.items[2] else { unreachable!("a state") };
-        state.v_m_s.truncate(3);
+        state.v_m_s = crate::state::Padded::of(&state.v_m_s[..3]);
         let threads = NonZero::new(5).expect("five");
         let several = ParallelResimulation::with_limits(source, Lend::Steps, threads, limits);
         events(several.expect("same kernel"));

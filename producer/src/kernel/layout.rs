@@ -1,0 +1,66 @@
+//! Places of beads in registers: neighbours along a register, or chains beside each other.
+
+use super::sweep::GROUP;
+use pulp::Simd;
+use schemas::simd::{LANES, load};
+
+/// A number of each chain that is computed at once: the same for all lanes, or one for each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PerLane(pub(crate) [f64; LANES]);
+
+impl PerLane {
+    /// The same number in every lane.
+    pub(crate) fn same(number: f64) -> Self {
+        Self([number; LANES])
+    }
+
+    /// As a register.
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self) -> S::f64s {
+        load::<S>(&self.0, 0)
+    }
+}
+
+/// The arrangement of beads.
+pub(super) trait Layout: Copy {
+    /// Numbers from a bead to its neighbour on the right.
+    fn stride<S: Simd>() -> usize;
+
+    /// The left neighbours of `here`, where `before` is the register before it.
+    fn left<S: Simd>(simd: S, before: S::f64s, here: S::f64s) -> S::f64s;
+
+    /// The register before the one that begins at `numbers[at]`.
+    fn before<S: Simd>(simd: S, numbers: &[f64], at: usize) -> S::f64s;
+}
+
+/// One chain: neighbours lie side by side in a register.
+#[derive(Clone, Copy)]
+pub(super) struct Along;
+
+impl Layout for Along {
+    #[inline(always)]
+    fn stride<S: Simd>() -> usize {
+        1
+    }
+
+    #[inline(always)]
+    fn left<S: Simd>(simd: S, before: S::f64s, here: S::f64s) -> S::f64s {
+        let is_first = simd.less_than_f64s(load::<S>(&COUNTED, 0), simd.splat_f64s(1.0));
+        simd.select_f64s(is_first, simd.rotate_right_f64s(before, 1), simd.rotate_right_f64s(here, 1))
+    }
+
+    #[inline(always)]
+    fn before<S: Simd>(simd: S, numbers: &[f64], at: usize) -> S::f64s {
+        simd.splat_f64s(numbers[at - 1])
+    }
+}
+
+/// The numbers from 0 on.
+pub(super) const COUNTED: [f64; GROUP] = {
+    let (mut counted, mut n) = ([0.0; GROUP], 0);
+    while n < GROUP {
+        counted[n] = n as f64;
+        n += 1;
+    }
+    counted
+};
