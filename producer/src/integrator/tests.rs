@@ -1,8 +1,9 @@
 mod naive;
 
 use super::*;
-use schemas::config::{DampingConfig, End, MassRule, RunConfig, StiffnessRule};
+use schemas::config::{DampingConfig, End, MassRule, Profile, RunConfig, SecondPower, StiffnessRule};
 use schemas::presets::PRESETS;
+use schemas::term::{Spring, TermLaw, Toda};
 
 fn physics(change: impl FnOnce(&mut RunConfig)) -> Physics {
     let mut config = PRESETS[0].config();
@@ -79,6 +80,91 @@ fn skipping_and_vectors_change_no_bit() {
             }
         }
     }
+}
+
+/// Chains of every kind that a configuration can ask for.
+fn kinds() -> Vec<Variant> {
+    fn bonds(c: &mut RunConfig, laws: &[(TermLaw, f64)]) {
+        (c.chain.alpha, c.chain.bonds) = (1.0, Some(laws.iter().cloned().collect()));
+        (c.ends.left, c.ends.right) = (End::Periodic, End::Periodic);
+    }
+    vec![
+        ("free ends", |_| {}),
+        ("a ring of contacts", |c| (c.ends.left, c.ends.right) = (End::Periodic, End::Periodic)),
+        ("one wall, gaps", |c| {
+            (c.ends.left, c.chain.gaps_m) = (End::Fixed, Some(Profile::Same(1e-6)));
+        }),
+        ("pressed between walls", |c| {
+            (c.ends.left, c.ends.right, c.load.precompression_n) = (End::Fixed, End::Fixed, 20.0);
+        }),
+        ("springs at each place", |c| {
+            c.on_site.linear_n_per_m = Some(Profile::Same(1e5));
+            c.on_site.cubic_n_per_m3 = Some(Profile::Same(1e9));
+        }),
+        ("a second power", |c| {
+            c.chain.second = Some(SecondPower { alpha: 2.5, stiffness: Profile::Same(1e9) });
+            c.ends.right = End::Fixed;
+        }),
+        ("linear bonds between walls", |c| {
+            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5)]);
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+        }),
+        ("FPUT-α bonds", |c| bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(2)), -1e8)])),
+        ("FPUT-β bonds", |c| bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)])),
+        ("all three, with free ends", |c| {
+            let springs = [(1, 1e5), (2, 1e7), (3, 1e12)].map(|(n, k)| (TermLaw::Spring(Spring(n)), k));
+            bonds(c, &springs);
+            (c.ends.left, c.ends.right) = (End::Free, End::Fixed);
+        }),
+        ("Toda's bonds", |c| bonds(c, &[(TermLaw::Toda(Toda(1e3)), 1e5)])),
+    ]
+}
+
+/// At every length where a register, a group or a block ends, by every instruction set, step by step and together.
+#[test]
+fn every_kind_and_length_has_the_bits_of_the_definition() {
+    let mut archs = vec![Arch::Scalar, Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    let mut tried = 0;
+    for beads in [2, 3, 7, 8, 9, 14, 15, 16, 17, 31, 32, 33, 47, 48, 63, 64, 65] {
+        for method in Method::ALL {
+            for alpha in [1.5, 1.3] {
+                for (name, kind) in kinds() {
+                    let mut config = PRESETS[0].config();
+                    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, alpha, method);
+                    config.chain.impurities.clear();
+                    kind(&mut config);
+                    // some methods and lengths do not take everything
+                    let Ok(physics) = Physics::resolve(&config) else { continue };
+                    tried += 1;
+                    let (u_m, v_m_s): (Vec<_>, Vec<_>) = (0..beads)
+                        .map(|i| (1e-6 * ((i * i * 7) % 11) as f64 - 4e-6, 0.1 * ((i * 5) % 7) as f64 - 0.3))
+                        .unzip();
+                    let start = ChainState::starting_at(&physics, &u_m, &v_m_s);
+                    let mut naive = start.clone();
+                    for _ in 0..20 {
+                        naive::step(&physics, &mut naive);
+                    }
+                    for arch in &archs {
+                        let mut integrator = Integrator::with_arch(&physics, *arch);
+                        let (mut state, mut together) = (start.clone(), start.clone());
+                        for _ in 0..20 {
+                            integrator.step(&mut state);
+                        }
+                        let mut integrator = Integrator::with_arch(&physics, *arch);
+                        while together.step < 20 {
+                            integrator.advance(&mut together, 20);
+                        }
+                        let what = format!("{beads} beads, {method}, α = {alpha}, {name}, {arch:?}");
+                        assert_eq!(bits(&state), bits(&naive), "{what}");
+                        assert_eq!(bits(&together), bits(&naive), "{what}, together");
+                    }
+                }
+            }
+        }
+    }
+    assert!(tried > 800, "{tried} chains");
 }
 
 /// In a chain of many tiles, shocks here and there, of which the first ones cross the borders of tiles, beads that move

@@ -14,7 +14,7 @@ use std::process::Command;
 use std::time::Duration;
 
 /// Bead-steps of a measurement.
-const BEAD_STEPS: u64 = 4_000_000;
+const BEAD_STEPS: u64 = 40_000_000;
 
 /// The flags with which a user who wants a fast loop compiles it.
 const FLAGS: [&str; 4] = ["-O3", "-march=native", "-fno-math-errno", "-ffp-contract=off"];

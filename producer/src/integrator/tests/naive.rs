@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::integrator::splitting::Stages;
-use schemas::chain::{Chain, Wall};
+use schemas::chain::Chain;
 use schemas::damping::Damping;
 
 pub(super) fn step(physics: &Physics, state: &mut ChainState) {
@@ -15,48 +15,56 @@ pub(super) fn step(physics: &Physics, state: &mut ChainState) {
     state.step += 1;
 }
 
-/// A contact: overlap (m) at rest, force (N) at rest, stiffness, damping coefficient.
-type Contact = (f64, f64, f64, f64);
+/// A contact: overlap (m) at rest, force (N) at rest, stiffness, damping coefficient, stiffness in each term.
+type Contact = (f64, f64, f64, f64, Vec<f64>);
 
-/// All contacts from left to right, those with the walls first and last.
-fn contacts(chain: &Chain) -> Vec<Contact> {
+/// All contacts from left to right, those with the walls first and last; in a ring both are the one that closes it.
+fn contacts(chain: &Chain) -> Vec<Option<Contact>> {
     let coefficient = |c: usize| chain.damping.as_ref().map_or(0.0, |damping| damping.coefficient[c]);
-    let wall = |wall: &Wall, side: usize| {
+    let wall = |side: usize| {
+        let wall = chain.wall(side);
         let coefficient = chain.damping.as_ref().map_or(0.0, |damping| damping.wall_coefficient[side]);
-        (wall.rest_overlap_m, wall.rest_force_n, wall.stiffness, coefficient)
+        let of_terms = chain.terms.iter().map(|term| term.wall_stiffness[side]).collect();
+        wall.is_there.then_some((wall.rest_overlap_m, wall.rest_force_n, wall.stiffness, coefficient, of_terms))
     };
-    let mut contacts = vec![wall(&chain.walls.left, 0)];
-    contacts.extend(
-        (0..chain.contact_count())
-            .map(|c| (chain.rest_overlap_m[c], chain.rest_force_n[c], chain.stiffness[c], coefficient(c))),
-    );
-    contacts.push(wall(&chain.walls.right, 1));
-    contacts
+    let between = |c: usize| {
+        let of_terms = chain.terms.iter().map(|term| term.stiffness[c]).collect();
+        Some((chain.rest_overlap_m[c], chain.rest_force_n[c], chain.stiffness[c], coefficient(c), of_terms))
+    };
+    let last = wall(if chain.is_ring { 0 } else { 1 });
+    [wall(0)].into_iter().chain((0..chain.contact_count()).map(between)).chain([last]).collect()
 }
 
 /// Force (N) beyond that at rest and dissipated power (W) of each contact, those with the walls first and last.
 fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
     let at = |values: &[f64], c: usize| {
+        let count = values.len();
+        if chain.is_ring && (c == 0 || c == count) {
+            return values[count - 1] - values[0];
+        }
         let left = if c > 0 { values[c - 1] } else { 0.0 };
-        let right = if c < values.len() { values[c] } else { 0.0 };
+        let right = if c < count { values[c] } else { 0.0 };
         left - right
     };
-    let one = |(c, (rest_m, rest_n, stiffness, coefficient)): (usize, Contact)| {
+    let one = |(c, contact): (usize, Option<Contact>)| {
+        let Some((rest_m, rest_n, stiffness, coefficient, of_terms)) = contact else { return (0.0, 0.0) };
         let (overlap, rate) = (at(u, c) + rest_m, at(v, c));
-        if stiffness == 0.0 {
-            return (0.0, 0.0);
+        let mut elastic = chain.law.force(stiffness, overlap);
+        for (term, stiffness) in chain.terms.iter().zip(of_terms) {
+            elastic += term.law.force(stiffness, overlap);
         }
-        if overlap <= chain.law.zero_up_to_m() {
-            return (0.0 - rest_n, 0.0);
+        let is_cut = !chain.is_bonded && overlap <= chain.law.zero_up_to_m();
+        if chain.damping.is_none() || is_cut {
+            return (if chain.damping.is_some() { 0.0 } else { elastic } - rest_n, 0.0);
         }
-        let (elastic, raised) = (chain.law.force(stiffness, overlap), chain.law.force(1.0, overlap));
+        let raised = chain.law.force(1.0, overlap);
         let factor = match chain.damping.as_ref().map(|damping| damping.kind) {
             None | Some(Damping::ViscousNSPerM(_)) => 1.0,
             Some(Damping::Restitution(_)) => (raised / overlap).sqrt(),
             Some(Damping::KuwabaraKonoS(_) | Damping::Power(_)) => unreachable!("no variant has these"),
         };
         let damped = elastic + coefficient * factor * rate;
-        let force = if chain.damping.is_none() || damped > 0.0 { damped } else { 0.0 };
+        let force = if chain.is_bonded || damped > 0.0 { damped } else { 0.0 };
         (force - rest_n, (force - elastic) * rate)
     };
     contacts(chain).into_iter().enumerate().map(one).collect()
@@ -64,7 +72,13 @@ fn evaluate(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<(f64, f64)> {
 
 /// Net force (N) on each bead.
 fn net_forces(chain: &Chain, u: &[f64], v: &[f64]) -> Vec<f64> {
-    evaluate(chain, u, v).windows(2).map(|pair| pair[0].0 - pair[1].0).collect()
+    let by_contacts = evaluate(chain, u, v);
+    let net = |(i, pair): (usize, &[(f64, f64)])| {
+        let net_n = pair[0].0 - pair[1].0;
+        let Some(linear) = chain.sites.linear_n_per_m.get(i) else { return net_n };
+        net_n - (linear * u[i] + chain.sites.cubic_n_per_m3[i] * (u[i] * u[i] * u[i]))
+    };
+    by_contacts.windows(2).enumerate().map(net).collect()
 }
 
 fn splitting_step(physics: &Physics, stages: Stages, state: &mut ChainState) {
@@ -131,9 +145,10 @@ fn runge_step(physics: &Physics, state: &mut ChainState) {
     let n = chain.bead_count();
     let slopes_at = |y: &[Vec<f64>; 3]| {
         let found = evaluate(&chain, &y[0], &y[1]);
-        let accelerations =
-            found.windows(2).zip(&chain.mass_kg).map(|(pair, m)| 1.0 / m * (pair[0].0 - pair[1].0));
-        let powers = found[1..n].iter().map(|contact| contact.1).chain([found[0].1 + found[n].1]);
+        let net = net_forces(&chain, &y[0], &y[1]);
+        let accelerations = net.iter().zip(&chain.mass_kg).map(|(net, m)| 1.0 / m * net);
+        let of_walls = found[0].1 + if chain.is_ring { 0.0 } else { found[n].1 };
+        let powers = found[1..n].iter().map(|contact| contact.1).chain([of_walls]);
         [y[1].clone(), accelerations.collect(), powers.collect()]
     };
     let work = if chain.damping.is_some() { state.extra.to_vec() } else { vec![0.0; n] };
