@@ -139,7 +139,8 @@ mod tests {
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let m = RunManifest::new(&config, "run", origin).expect("valid");
         let u_m = [3e-9, 1e-9, 0.5e-9, 5e-9, 5e-9]; // overlaps 2, 0.5, −4.5, 0 nm
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 5], extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 5], extra: &[], active: None };
         let mut contacts = Contacts::new(&m, 1e-9);
         let classes = contacts.observe(&frame);
         assert_eq!(classes, [COMPRESSED, TOUCHING, OPEN, TOUCHING]);

@@ -326,7 +326,15 @@ mod tests {
                 v_m_s[i] = sign * scale.velocity_m_s * wave.velocity(contact_xi(i) - 0.5);
             }
             let step = u64::from(step);
-            deformations.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+            deformations.observe(&Frame {
+                frame: step,
+                step,
+                time_s,
+                u_m: &u_m,
+                v_m_s: &v_m_s,
+                extra: &[],
+                active: None,
+            });
         }
         deformations.results()
     }

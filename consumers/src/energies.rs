@@ -12,7 +12,7 @@ pub use step_error::{STEP_SAFETY, step_error_j};
 use pulp::Arch;
 use reflection::{Parts, ReflectionWatch, incident_side};
 use schemas::chain::Chain;
-use schemas::frame::Frame;
+use schemas::frame::{Active, Frame};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::results::ENERGIES;
 use schemas::simd::{ordered_sum, vectorized};
@@ -81,6 +81,8 @@ pub struct Energies {
     drift: Drift,
     split_bead: usize,
     contact_j: Vec<f64>,
+    /// The contacts whose energies are those of the last frame; all others have none.
+    pressed: Active,
     watch: Result<ReflectionWatch, Undefined>,
     max_abs_drift: f64,
     /// The largest error of the balance of energies so far (J), and the largest term of that.
@@ -154,6 +156,7 @@ impl Energies {
             drift: Drift::new(&manifest.physics, &chain),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
             contact_j: vec![0.0; chain.contact_count()],
+            pressed: Active::all(0),
             balance: Balance { initial_j: manifest.physics.initial_energy().total_j(), ..Balance::default() },
             physics: manifest.physics.clone(),
             max_abs_drift: 0.0,
@@ -164,11 +167,20 @@ impl Energies {
 
     /// The energies of `frame`.
     pub fn observe(&mut self, frame: &Frame<'_>) -> EnergyRow {
-        self.chain.contact_energies_j(frame.u_m, &mut self.contact_j);
+        let contacts = self.chain.contact_count();
+        let active = frame.active.filter(|_| self.chain.rests_without_energy());
+        let active = active.unwrap_or(Active::all(self.chain.bead_count()));
+        let pressed = active.contacts(contacts);
+        if self.pressed.with(pressed) != pressed {
+            // another stream, or part of it: what moved there rests here
+            self.contact_j[self.pressed.first..self.pressed.end].fill(0.0);
+        }
+        self.pressed = pressed;
+        self.chain.energies_of_contacts_j(frame.u_m, pressed.first..pressed.end, &mut self.contact_j);
         let mut row = vectorized(
             Arch::new(),
             #[inline(always)]
-            || self.sums(frame),
+            || self.sums(frame, active),
         );
         self.balance.take(&row);
         if row.relative_drift.abs() > self.max_abs_drift {
@@ -181,7 +193,7 @@ impl Energies {
             let parts = vectorized(
                 Arch::new(),
                 #[inline(always)]
-                || Parts { max_abs_drift, ..parts(chain, frame, s, contact_j, &row, incident) },
+                || Parts { max_abs_drift, ..parts(chain, (frame, active), s, contact_j, &row, incident) },
             );
             watch.push(&parts);
             row.inbound_j = parts.inbound_j();
@@ -191,23 +203,24 @@ impl Energies {
         row
     }
 
-    /// The sums over the beads and contacts of `frame`, without the reflection.
+    /// The sums over the beads and contacts of `frame`, without the reflection. All but `active` beads rest.
     #[inline(always)]
-    fn sums(&self, frame: &Frame<'_>) -> EnergyRow {
+    fn sums(&self, frame: &Frame<'_>, active: Active) -> EnergyRow {
         let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
         let v = frame.v_m_s;
         // contact s − 1 is left of the split bead, contact s right of it
         let left_contact = if s > 0 { contact_j[s - 1] } else { 0.0 };
         let right_contact = contact_j.get(s).copied().unwrap_or(0.0);
 
-        let kinetic_left = chain.kinetic_j(v, 0..s);
+        let kinetic_left = chain.kinetic_j(v, active.within(0..s));
         let kinetic_split = chain.kinetic_j(v, s..s + 1);
-        let kinetic_right = chain.kinetic_j(v, s + 1..chain.bead_count());
-        let potential_left = total(&contact_j[..s.saturating_sub(1)]);
-        let potential_right = total(&contact_j[(s + 1).min(contact_j.len())..]);
+        let kinetic_right = chain.kinetic_j(v, active.within(s + 1..chain.bead_count()));
+        let (pressed, contacts) = (self.pressed, contact_j.len());
+        let potential_left = total(&contact_j[pressed.within(0..s.saturating_sub(1))]);
+        let potential_right = total(&contact_j[pressed.within((s + 1).min(contacts)..contacts)]);
 
         // the totals do not depend on where the chain is divided
-        let kinetic_j = chain.kinetic_j(v, 0..chain.bead_count());
+        let kinetic_j = chain.kinetic_j(v, active.within(0..chain.bead_count()));
         let [left_wall, right_wall] = chain.wall_energies_j(frame.u_m, frame.extra);
         let walls_j = left_wall + right_wall;
         let [left_wall, closing_split, right_wall] =
@@ -216,7 +229,7 @@ impl Energies {
         let (left, right) = (sites(0..s), sites(s + 1..chain.bead_count()));
         let (all, split) = (sites(0..chain.bead_count()), sites(s..s + 1));
         let kinetic_j = kinetic_j + all.kinetic_j;
-        let potential_j = total(contact_j) + walls_j + all.potential_j;
+        let potential_j = total(&contact_j[pressed.within(0..contacts)]) + walls_j + all.potential_j;
         let total_j = kinetic_j + potential_j;
         let dissipated_j = self.physics.dissipated_j(frame.extra);
         let driven_j = self.physics.driven_j(frame.extra);
@@ -280,7 +293,7 @@ fn total(energies_j: &[f64]) -> f64 {
 #[inline(always)]
 fn parts(
     chain: &Chain,
-    frame: &Frame<'_>,
+    (frame, active): (&Frame<'_>, Active),
     s: usize,
     contact_j: &[f64],
     row: &EnergyRow,
@@ -291,6 +304,7 @@ fn parts(
         Side::Left => (0..s, 0..s - 1, 1.0, s - 1, row.right_j),
         Side::Right => (s + 1..chain.bead_count(), s + 1..contact_j.len(), -1.0, s, row.left_j),
     };
+    let (beads, contacts) = (active.within(beads), active.contacts(contact_j.len()).within(contacts));
     let v = frame.v_m_s;
     let (mass_kg, velocity) = (&chain.mass_kg[beads.clone()], &v[beads]);
     let moving_j = ordered_sum(
@@ -346,7 +360,8 @@ mod tests {
         let m = manifest(5, 2);
         let u_m = [1.0, 0.5, 0.0, 0.25, 0.0];
         let v_m_s = [1.0, 2.0, -1.0, 3.0, 0.0];
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         let mut energies = Energies::new(&m, default_split_bead(&m));
         let row = energies.observe(&frame);
         assert_eq!(row.kinetic_j, 1.0 + 4.0 + 2.0 + 9.0);
@@ -370,13 +385,54 @@ mod tests {
     #[test]
     fn the_contact_that_closes_a_ring_is_on_both_sides() {
         let u_m = [0.0, 0.0, 0.0, 0.0, 0.5];
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 5], extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 5], extra: &[], active: None };
         for (split, expected) in [(2, [0.5, 0.0, 0.5]), (0, [0.0, 0.5, 0.5]), (4, [0.5, 0.5, 0.0])] {
             let mut m = manifest(5, 2);
             let ends = &mut m.physics.ends;
             (ends.left, ends.right) = (schemas::config::End::Periodic, schemas::config::End::Periodic);
             let row = Energies::new(&m, split).observe(&frame);
             assert_eq!(([row.left_j, row.split_j, row.right_j], row.total_j), (expected, 1.0), "{split}");
+        }
+    }
+
+    /// Sums that visit only what moves have the same bits, also where the window is wider than it need be, and where it begins anew.
+    #[test]
+    fn beads_at_rest_need_not_be_visited() {
+        let bits = |row: &EnergyRow| row.values().map(f64::to_bits);
+        for beads in [3, 8, 9, 40, 67] {
+            for split in [1, 2, beads - 1, beads / 2] {
+                let manifest = manifest(beads as u64, split as u64);
+                let (mut whole, mut within) =
+                    (Energies::new(&manifest, split as u64), Energies::new(&manifest, split as u64));
+                for number in 0..400_usize {
+                    let (first, length) = ((number * 7) % beads, 1 + (number * 5) % beads);
+                    let end = (first + length).min(beads);
+                    let moving = |i: &usize| (first..end).contains(i);
+                    let value = |i: usize, of: usize| ((i * i * of + number) % 11) as f64 * 0.1 - 0.4;
+                    let values =
+                        |of| (0..beads).map(|i| if moving(&i) { value(i, of) } else { 0.0 }).collect();
+                    let (u_m, v_m_s): (Vec<f64>, Vec<f64>) = (values(3), values(5));
+                    let frame = number as u64;
+                    let time_s = number as f64;
+                    let frame = Frame {
+                        frame,
+                        step: frame,
+                        time_s,
+                        u_m: &u_m,
+                        v_m_s: &v_m_s,
+                        extra: &[],
+                        active: None,
+                    };
+                    let wider = Active {
+                        first: first.saturating_sub(number % 3),
+                        end: (end + number % 4).min(beads),
+                    };
+                    let told = Frame { active: (number % 5 != 4).then_some(wider), ..frame };
+                    let (one, other) = (whole.observe(&frame), within.observe(&told));
+                    assert_eq!(bits(&one), bits(&other), "{beads} beads, split {split}, {wider:?}");
+                }
+            }
         }
     }
 
@@ -392,6 +448,7 @@ mod tests {
                 u_m: &[0.0; 5],
                 v_m_s: &[0.0; 5],
                 extra: &[],
+                active: None,
             });
             balance.take(&EnergyRow { total_j, driven_j: given_j, ..row });
             balance.take(&row);
@@ -408,7 +465,8 @@ mod tests {
             let m = manifest(5, 2);
             let u_m = [1.0, 0.5, 0.0, 0.25, 0.0];
             let v_m_s = [1.0, 2.0, -1.0, 3.0, 0.0];
-            let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+            let frame =
+                Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
             let row = Energies::new(&m, split).observe(&frame);
             assert_eq!(row.left_j + row.split_j + row.right_j, row.total_j);
             assert_eq!(if split == 0 { row.left_j } else { row.right_j }, 0.0);

@@ -272,7 +272,7 @@ mod tests {
     use schemas::presets::PRESETS;
 
     fn frame<'a>(step: u64, time_s: f64, u_m: &'a [f64], v_m_s: &'a [f64]) -> Frame<'a> {
-        Frame { frame: step, step, time_s, u_m, v_m_s, extra: &[] }
+        Frame { frame: step, step, time_s, u_m, v_m_s, extra: &[], active: None }
     }
 
     fn followed(beads: &[u64]) -> Followed {

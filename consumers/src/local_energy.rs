@@ -42,7 +42,10 @@ mod tests {
         let walls = Walls { left: wall, right: wall };
         let chain = Chain::new(vec![2.0; 3], vec![4.0; 2], vec![0.0; 2], walls, law);
         let of = |u_m: &[f64], v_m_s: &[f64]| {
-            bead_energies_j(&chain, &Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] })
+            bead_energies_j(
+                &chain,
+                &Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[], active: None },
+            )
         };
         assert_eq!(of(&[0.5, 0.0, 0.0], &[1.0, 0.0, 2.0]), [1.0 + 0.5 / 16.0, 0.5 / 16.0, 4.0]);
         // the contacts with the walls are all the end beads' own

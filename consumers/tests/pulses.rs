@@ -68,7 +68,15 @@ fn look(bumps: &[Bump], steps: impl IntoIterator<Item = Option<u32>>, loose: boo
         let v_at = |bead| bumps.iter().map(|bump| bump.at(f64::from(bead), time_s)).sum();
         let v_m_s: Vec<f64> = (0..BEADS).map(v_at).collect();
         let step = u64::from(step);
-        take(analysis.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] }));
+        take(analysis.observe(&Frame {
+            frame: step,
+            step,
+            time_s,
+            u_m: &u_m,
+            v_m_s: &v_m_s,
+            extra: &[],
+            active: None,
+        }));
     }
     take(analysis.finish());
     found.counts = analysis.counts();

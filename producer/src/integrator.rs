@@ -10,6 +10,7 @@ use crate::state::ChainState;
 use gear::{Gear, taylor_terms};
 use pulp::Arch;
 use runge::Runge;
+use schemas::frame::Active;
 use schemas::manifest::Physics;
 use schemas::method::Method;
 use splitting::{RKN4, Splitting, VELOCITY_VERLET};
@@ -79,6 +80,16 @@ impl Integrator {
             ByMethod::Gear(gear) => gear.step(state),
             ByMethod::Runge(runge) => runge.step(state),
         }
+    }
+
+    /// The beads that may differ from rest in `state`, if this integrator has just stepped to it.
+    pub fn active(&self, state: &ChainState) -> Option<Active> {
+        let beads = match &self.by_method {
+            ByMethod::Splitting(splitting) => splitting.active_beads(state),
+            ByMethod::Gear(gear) => gear.active_beads(state),
+            ByMethod::Runge(runge) => runge.active_beads(state),
+        }?;
+        Some(Active { first: beads.start, end: beads.end })
     }
 
     /// The first bead of the `state` just stepped to that has a value which is not finite.

@@ -139,7 +139,7 @@ fn simulate<P: FrameSink, R: FrameSink>(
     // between frames the state of the last one is gone; without steps between them it is still there
     let mut last_published = (manifest.provenance.publish_every_steps > 1).then(|| state.clone());
     let (reason, end) = loop {
-        let frame = state.as_frame(manifest, number);
+        let frame = Frame { active: integrator.active(&state), ..state.as_frame(manifest, number) };
         let mut go_on = ControlFlow::Continue(());
         if fresh {
             match publisher.accept(&frame) {

@@ -49,6 +49,7 @@ impl ChainState {
             u_m: &self.u_m,
             v_m_s: &self.v_m_s,
             extra: &self.extra,
+            active: None,
         }
     }
 }

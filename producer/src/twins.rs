@@ -133,7 +133,7 @@ impl Sibling {
     /// Its state as that of step `step` of the run.
     fn at(&self, step: u64, time_s: f64) -> Frame<'_> {
         let ChainState { u_m, v_m_s, extra, .. } = &self.state;
-        Frame { frame: step, step, time_s, u_m, v_m_s, extra }
+        Frame { frame: step, step, time_s, u_m, v_m_s, extra, active: None }
     }
 
     fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {

@@ -130,7 +130,7 @@ pub(crate) fn field_of<'py>(
     if u_m.len() != chain.bead_count() || v_m_s.len() != chain.bead_count() {
         return Err(PyValueError::new_err(format!("the chain has {} beads", chain.bead_count())));
     }
-    let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[] };
+    let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m, v_m_s, extra: &[], active: None };
     let values = (0..field.places(chain)).map(|place| field.value(chain, &frame, place));
     Ok(PyArray1::from_iter(py, values))
 }

@@ -277,20 +277,42 @@ impl Chain {
     /// `U(δ) − U(δ_rest) − F_rest·(δ − δ_rest)`, which is never negative: the last term is the work of the
     /// constant forces, so that kinetic energy and excess together are conserved.
     pub fn contact_energies_j(&self, u_m: &[f64], energy_j: &mut [f64]) {
+        self.energies_of_contacts_j(u_m, 0..self.contact_count(), energy_j);
+    }
+
+    /// True if every contact between two beads at rest has no energy, and beads have none beside that of their motion: then sums need
+    /// visit only the beads and contacts that are not at rest.
+    pub fn rests_without_energy(&self) -> bool {
+        !self.is_loaded && !self.is_ring && self.terms.is_empty() && self.sites.is_none()
+    }
+
+    /// Writes the same of some `contacts`, each to its place in `energy_j`.
+    pub fn energies_of_contacts_j(&self, u_m: &[f64], contacts: Range<usize>, energy_j: &mut [f64]) {
         let (chain, is_loaded) = (self, self.is_loaded());
+        let energy_j = &mut energy_j[contacts.clone()];
         vectorized(
             Arch::new(),
             #[inline(always)]
             || {
                 if is_loaded {
-                    chain.law.with_power(ContactEnergies::<true> { chain, u_m, energy_j });
+                    chain.law.with_power(ContactEnergies::<true> {
+                        chain,
+                        u_m,
+                        contacts: contacts.clone(),
+                        energy_j,
+                    });
                 } else {
-                    chain.law.with_power(ContactEnergies::<false> { chain, u_m, energy_j });
+                    chain.law.with_power(ContactEnergies::<false> {
+                        chain,
+                        u_m,
+                        contacts: contacts.clone(),
+                        energy_j,
+                    });
                 }
             },
         );
         for term in &self.terms {
-            for (c, energy_j) in energy_j.iter_mut().enumerate() {
+            for (c, energy_j) in contacts.clone().zip(energy_j.iter_mut()) {
                 *energy_j += self.term_j(term, u_m, c);
             }
         }
@@ -397,6 +419,7 @@ impl Chain {
 struct ContactEnergies<'a, const LOADED: bool> {
     chain: &'a Chain,
     u_m: &'a [f64],
+    contacts: Range<usize>,
     energy_j: &'a mut [f64],
 }
 
@@ -405,9 +428,9 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
 
     #[inline(always)]
     fn run(self, power: impl Power) {
-        let Self { chain, u_m, energy_j } = self;
-        let contacts = chain.contact_count();
-        let (left_m, right_m, stiffness) = (&u_m[..contacts], &u_m[1..=contacts], &chain.stiffness[..]);
+        let Self { chain, u_m, contacts, energy_j } = self;
+        let (left_m, right_m) = (&u_m[contacts.clone()], &u_m[contacts.start + 1..=contacts.end]);
+        let stiffness = &chain.stiffness[contacts.clone()];
         let (zero_up_to_m, exponent) = (chain.law.zero_up_to_m(), chain.law.alpha() + 1.0);
         if !LOADED {
             return evaluate(
@@ -426,15 +449,17 @@ impl<const LOADED: bool> PowerUser for ContactEnergies<'_, LOADED> {
         let excess = Excess::new(&chain.law);
         // without what the terms have
         let by_law: Vec<f64>;
+        let (rest_m, rest_j) =
+            (&chain.rest_overlap_m[contacts.clone()], &chain.rest_energy_j[contacts.clone()]);
         let force_n = if chain.terms.is_empty() {
-            &chain.rest_force_n
+            &chain.rest_force_n[contacts]
         } else {
-            let at_rest = stiffness.iter().zip(&chain.rest_overlap_m);
+            let at_rest = stiffness.iter().zip(rest_m);
             by_law = at_rest.map(|(k, rest_m)| chain.law.force(*k, *rest_m)).collect();
             &by_law
         };
         evaluate(
-            [left_m, right_m, stiffness, &chain.rest_overlap_m, force_n, &chain.rest_energy_j],
+            [left_m, right_m, stiffness, rest_m, force_n, rest_j],
             energy_j,
             power,
             zero_up_to_m,

@@ -2,10 +2,46 @@
 
 use crate::manifest::RunManifest;
 use std::fmt;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
+
+/// Neighbouring beads, from `first` up to but without `end`, which may differ from rest: all others have displacements and velocities of +0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Active {
+    /// The first of them.
+    pub first: usize,
+    /// The bead behind the last of them.
+    pub end: usize,
+}
+
+impl Active {
+    /// All of `count` beads.
+    pub fn all(count: usize) -> Self {
+        Self { first: 0, end: count }
+    }
+
+    /// The least neighbouring beads that take in these and `other`.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self { first: self.first.min(other.first), end: self.end.max(other.end) } // integers
+    }
+
+    /// The beads of `beads` that an [`ordered_sum`](crate::simd::ordered_sum) over them need visit where the others give 0: it adds the
+    /// same numbers in the same order.
+    pub fn within(self, beads: Range<usize>) -> Range<usize> {
+        let start = beads.start + self.first.saturating_sub(beads.start) / 8 * 8;
+        let start = start.min(beads.end); // integers
+        start..self.end.clamp(start, beads.end) // integers
+    }
+
+    /// The contacts of these beads in a chain of `contacts` contacts, as if they were beads.
+    #[must_use]
+    pub fn contacts(self, contacts: usize) -> Self {
+        Self { first: self.first.saturating_sub(1).min(contacts), end: self.end.min(contacts) } // integers
+    }
+}
 
 /// One published state, lent by its source until the next call.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Frame<'a> {
     /// Number of the frame, from 0; of a step that was recomputed between two frames, the frame before.
     pub frame: u64,
@@ -19,6 +55,16 @@ pub struct Frame<'a> {
     pub v_m_s: &'a [f64],
     /// Further values that the method needs, `E·N` of them (none for symplectic methods).
     pub extra: &'a [f64],
+    /// The beads that may differ from rest, if anybody says so.
+    pub active: Option<Active>,
+}
+
+/// What is said of a state makes no other of it.
+impl PartialEq for Frame<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        let of = |frame: &Self| (frame.frame, frame.step, frame.time_s);
+        of(self) == of(other) && (self.u_m, self.v_m_s, self.extra) == (other.u_m, other.v_m_s, other.extra)
+    }
 }
 
 impl<'a> Frame<'a> {
@@ -26,7 +72,7 @@ impl<'a> Frame<'a> {
     pub fn of_doubles((frame, step, time_s): (u64, u64, f64), beads: usize, doubles: &'a [f64]) -> Self {
         let (u_m, rest) = doubles.split_at(beads.min(doubles.len())); // integers
         let (v_m_s, extra) = rest.split_at(beads.min(rest.len())); // integers
-        Self { frame, step, time_s, u_m, v_m_s, extra }
+        Self { frame, step, time_s, u_m, v_m_s, extra, active: None }
     }
 }
 
@@ -194,6 +240,6 @@ impl HeldFrame {
     /// The frame.
     pub fn frame(&self) -> Frame<'_> {
         let [u_m, v_m_s, extra] = &self.parts;
-        Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra }
+        Frame { frame: self.frame, step: self.step, time_s: self.time_s, u_m, v_m_s, extra, active: None }
     }
 }

@@ -200,7 +200,8 @@ mod tests {
     fn summary_of_the_initial_state() {
         let physics = Physics::resolve(&PRESETS[0].config()).expect("preset");
         let (u_m, v_m_s) = physics.initial_state();
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         let summary = Summarizer::new(&physics).summarize(&frame);
         assert_eq!(summary.energy, Energy { kinetic_j: 0.0125, potential_j: 0.0 }); // ½·1 g·(5 m/s)²
         assert_eq!(summary.relative_drift, 0.0);
@@ -252,7 +253,8 @@ mod tests {
         let physics = Physics::resolve(&config).expect("valid");
         let (u_m, mut v_m_s) = physics.initial_state();
         v_m_s[120] = -1.0;
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         assert_eq!(Summarizer::new(&physics).summarize(&frame).front_bead, 120);
     }
 }

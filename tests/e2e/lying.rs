@@ -42,7 +42,7 @@ pub(crate) fn write<'a>(
     for (step, doubles) in states {
         let (u_m, v_m_s) = doubles.split_at(60);
         let (frame, time_s) = (manifest.frame_at(*step), manifest.physics.time_s(*step));
-        file.accept(&Frame { frame, step: *step, time_s, u_m, v_m_s, extra: &[] }).unwrap();
+        file.accept(&Frame { frame, step: *step, time_s, u_m, v_m_s, extra: &[], active: None }).unwrap();
     }
     file.finish(end).unwrap();
 }

@@ -41,7 +41,7 @@ fn options() -> WriteOptions {
 fn frame<'a>(manifest: &RunManifest, (step, doubles): &'a (u64, Vec<f64>)) -> Frame<'a> {
     let (u_m, v_m_s) = doubles.split_at(doubles.len() / 2);
     let (frame, time_s) = (manifest.frame_at(*step), manifest.physics.time_s(*step));
-    Frame { frame, step: *step, time_s, u_m, v_m_s, extra: &[] }
+    Frame { frame, step: *step, time_s, u_m, v_m_s, extra: &[], active: None }
 }
 
 /// A recording of `states` that begins as `begin` says, with a row of energies for each frame that `rows` leaves.

@@ -102,7 +102,7 @@ impl PointAnalyses {
         let (u_m, rest) = self.state.split_at(manifest.contact_count() + 1);
         let (v_m_s, extra) = rest.split_at(u_m.len());
         let time_s = manifest.physics.time_s(self.step);
-        Frame { frame: 0, step: self.step, time_s, u_m, v_m_s, extra }
+        Frame { frame: 0, step: self.step, time_s, u_m, v_m_s, extra, active: None }
     }
 }
 

@@ -219,7 +219,7 @@ impl Finer {
             self.integrator.advance(&mut self.state, last);
         }
         let ChainState { u_m, v_m_s, extra, .. } = &self.state;
-        Frame { frame: step, step, time_s: physics.time_s(step), u_m, v_m_s, extra }
+        Frame { frame: step, step, time_s: physics.time_s(step), u_m, v_m_s, extra, active: None }
     }
 }
 

@@ -123,7 +123,8 @@ mod tests {
     fn measured(centre: f64, shape: impl Fn(f64) -> f64) -> Front {
         let v_m_s: Vec<f64> = (0..100).map(|bead| 1.7 * shape(f64::from(bead) - centre)).collect();
         let u_m = vec![0.0; 100];
-        let frame = Frame { frame: 0, step: 0, time_s: 0.5, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.5, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         Front::in_space(&frame).unwrap()
     }
 
@@ -156,7 +157,15 @@ mod tests {
 
     #[test]
     fn a_pulse_at_the_struck_end_is_none_yet() {
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &[0.0; 50], v_m_s: &[5.0; 50], extra: &[] };
+        let frame = Frame {
+            frame: 0,
+            step: 0,
+            time_s: 0.0,
+            u_m: &[0.0; 50],
+            v_m_s: &[5.0; 50],
+            extra: &[],
+            active: None,
+        };
         assert_eq!(Front::in_space(&frame), None);
     }
 }

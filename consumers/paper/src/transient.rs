@@ -267,8 +267,15 @@ fn judge_linear(seen: &Observations) -> Result<Judgement, StudyError> {
 
 /// The pulse in a kept frame, relative to its crest: (beads from it, `v/v_max`).
 fn profile(seen: &Observed, kept: &KeptFrame) -> Result<Vec<(f64, f64)>, StudyError> {
-    let frame =
-        Frame { frame: 0, step: 0, time_s: kept.time_s, u_m: &kept.u_m, v_m_s: &kept.v_m_s, extra: &[] };
+    let frame = Frame {
+        frame: 0,
+        step: 0,
+        time_s: kept.time_s,
+        u_m: &kept.u_m,
+        v_m_s: &kept.v_m_s,
+        extra: &[],
+        active: None,
+    };
     let front = Front::in_space(&frame).ok_or_else(|| seen.absent("leading pulse"))?;
     let points = kept.v_m_s.iter().enumerate();
     let points = points.map(|(bead, v)| (bead as f64 - front.bead, v / front.v_max_m_s));

@@ -353,7 +353,15 @@ mod tests {
             v_m_s[if step == 2 { 400 } else { 0 }] = 5.0;
             let time_s = manifest.physics.time_s(step);
             let u_m = vec![0.0; 1000];
-            watched.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+            watched.observe(&Frame {
+                frame: step,
+                step,
+                time_s,
+                u_m: &u_m,
+                v_m_s: &v_m_s,
+                extra: &[],
+                active: None,
+            });
         }
         let line = |name: &str| RunLine([name, "running", "2 of 55,189", "0 %", "–", "–"].map(str::to_owned));
         Screen {

@@ -108,6 +108,7 @@ fn differences_are_measured_in_the_scales_of_the_run() {
         u_m,
         v_m_s,
         extra: &[],
+        active: None,
     };
     let [run, halved] = Box::leak(Box::new(states));
     found.look(&frame(run), [&frame(halved), &frame(run)], &frame(run));

@@ -122,7 +122,15 @@ mod tests {
                 .collect();
             let u_m: Vec<f64> = (0..100_u32).map(|bead| -1e-6 * f64::from(bead)).collect();
             let step = u64::from(step);
-            probes.observe(&Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+            probes.observe(&Frame {
+                frame: step,
+                step,
+                time_s,
+                u_m: &u_m,
+                v_m_s: &v_m_s,
+                extra: &[],
+                active: None,
+            });
         }
         let passages = probes.passages();
         let [passage] = passages[..] else { panic!("{passages:?}") };

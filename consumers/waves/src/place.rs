@@ -260,7 +260,8 @@ mod tests {
         let chain = Chain::new(vec![1.0; 3], vec![4.0; 2], vec![0.0; 2], walls, law);
         let sensors = Sensors::new(chain.clone());
         let (u_m, v_m_s) = ([0.5, -0.5, -0.75], [1.0, 0.0, 3.0]);
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         let force = |place| sensors.force_n(&frame, place);
         assert_eq!(force(Place::Contact(0)), 4.0);
         assert_eq!(force(Place::Bead(1)), 2.5);

@@ -179,7 +179,8 @@ mod tests {
     fn two_states_are_in_flight_and_the_newest_wins() {
         let (writer, feed) = LiveWriter::new();
         let mut seen = Seen::default();
-        let frame = Frame { frame: 7, step: 70, time_s: 0.5, u_m: &[1.0], v_m_s: &[2.0], extra: &[] };
+        let frame =
+            Frame { frame: 7, step: 70, time_s: 0.5, u_m: &[1.0], v_m_s: &[2.0], extra: &[], active: None };
         writer.state(&frame, 1, 0);
         assert_eq!(due(&mut seen, &feed), [""; 0], "the run comes first");
         writer.begin(&json!(1));

@@ -90,6 +90,11 @@ impl Gear {
         self.kernel.restart(terms.fold(of_motion, Activity::including));
     }
 
+    /// The beads that may differ from rest, if `state` is the one just stepped to.
+    pub(crate) fn active_beads(&self, state: &ChainState) -> Option<Range<usize>> {
+        (self.window_of_step == Some(state.step)).then(|| self.kernel.active_beads())
+    }
+
     /// The first bead of `state` whose displacement, velocity or a higher derivative is not finite.
     pub(crate) fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
         let of_motion = self.kernel.first_non_finite(&state.u_m, &state.v_m_s);

@@ -305,6 +305,11 @@ impl Runge {
         }
     }
 
+    /// The beads that may differ from rest, if `state` is the one just stepped to.
+    pub(crate) fn active_beads(&self, state: &ChainState) -> Option<Range<usize>> {
+        (self.slopes_of_step == Some(state.step)).then(|| self.kernel.active_beads())
+    }
+
     /// The first bead of `state` that has a value which is not finite.
     pub(crate) fn first_non_finite(&self, state: &ChainState) -> Option<usize> {
         self.kernel.first_non_finite(&state.u_m, &state.v_m_s)

@@ -13,6 +13,7 @@ use crate::state::ChainState;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::rows::Rows;
+use std::ops::Range;
 
 /// The stages of a method `K(b₁) D(a₁) K(b₂) D(a₂) … K(b_last)`, as fractions of the time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,6 +162,11 @@ impl Splitting {
             self.steps_together = steps;
         }
         steps
+    }
+
+    /// The beads that may differ from rest, if `state` is the one just stepped to.
+    pub(crate) fn active_beads(&self, state: &ChainState) -> Option<Range<usize>> {
+        (self.forces_of_step == Some(state.step)).then(|| self.kernel.active_beads())
     }
 
     /// The first bead of `state` whose displacement or velocity is not finite.

@@ -48,7 +48,15 @@ fn publish(bus: &Bus, beads: u64, frames: u64, consumers: usize) -> Result<(), B
     let (u_m, v_m_s) = (vec![1.0; chain.bead_count()], vec![2.0; chain.bead_count()]);
     let start = Instant::now();
     for frame in 0..frames {
-        publisher.accept(&Frame { frame, step: frame, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] })?;
+        publisher.accept(&Frame {
+            frame,
+            step: frame,
+            time_s: 0.0,
+            u_m: &u_m,
+            v_m_s: &v_m_s,
+            extra: &[],
+            active: None,
+        })?;
     }
     let seconds = start.elapsed().as_secs_f64();
     let counts = publisher.finish(EndReason::Complete)?;

@@ -161,13 +161,16 @@ impl LiveSource {
     fn frame(&mut self) -> Result<Received<'_>, LiveError> {
         self.tell(self.following.came_at());
         let Some(sample) = &self.sample else { return Ok(Received::End(EndReason::ProducerLost)) };
-        let StateHeader { frame, step, time_s, .. } = *sample.user_header();
+        let header = sample.user_header();
+        let StateHeader { frame, step, time_s, .. } = *header;
         let beads = usize::try_from(self.manifest.physics.beads).unwrap_or(usize::MAX);
         let (expected, found) = (self.manifest.frame_doubles(), sample.payload().len());
         if found != expected {
             return Err(LiveError::Shape { name: self.name(), frame, expected, found });
         }
-        Ok(Received::Frame(Frame::of_doubles((frame, step, time_s), beads, sample.payload())))
+        let active = header.active(beads);
+        let frame = Frame::of_doubles((frame, step, time_s), beads, sample.payload());
+        Ok(Received::Frame(Frame { active, ..frame }))
     }
 
     /// Tells other processes the position of this consumer.
@@ -234,8 +237,10 @@ pub struct HeldState {
 impl HeldState {
     /// The frame.
     pub fn frame(&self) -> Frame<'_> {
-        let StateHeader { frame, step, time_s, .. } = *self.sample.user_header();
-        Frame::of_doubles((frame, step, time_s), self.beads, self.sample.payload())
+        let header = self.sample.user_header();
+        let StateHeader { frame, step, time_s, .. } = *header;
+        let frame = Frame::of_doubles((frame, step, time_s), self.beads, self.sample.payload());
+        Frame { active: header.active(self.beads), ..frame }
     }
 }
 

@@ -9,8 +9,8 @@ use super::board::{BoardWriter, unix_ns};
 use super::delivery::Publishing;
 use super::outlet::wait_for_others;
 use super::wire::{
-    FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId,
-    fill,
+    FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, Slots, StateHeader,
+    StreamId,
 };
 use super::{Bus, Ipc, services};
 use iceoryx2::active_request::ActiveRequest;
@@ -108,6 +108,7 @@ type JoinServer = Server<Ipc, JoinRequest, (), JoinAnswer, ()>;
 /// Dropping it without [`StatePublisher::finish`] tells consumers that the run failed.
 pub struct StatePublisher {
     publisher: Publisher<Ipc, [f64], StateHeader>,
+    slots: Slots,
     chain: Publisher<Ipc, [f64], StateHeader>,
     server: JoinServer,
     join: services::JoinService,
@@ -260,11 +261,12 @@ impl StatePublisher {
             ..StateHeader::of(self.stream)
         };
         let (publisher, doubles, remedies) = (&self.publisher, self.doubles, self.remedies);
+        let slots = &mut self.slots;
         let mut interruptions = remedies.interruptions;
         let mut send = || {
             let slot = publisher.loan_slice_uninit(doubles)?;
             // repeated: consumers that have the frame already ignore the second one
-            let sent = fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]).send()?;
+            let sent = slots.fill(slot, header, frame).send()?;
             match interruptions.checked_sub(1) {
                 Some(left) => {
                     interruptions = left;

@@ -8,7 +8,9 @@ use super::Ipc;
 use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use schemas::frame::{Active, Frame};
 use schemas::manifest::RunId;
+use std::collections::HashMap;
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
 
@@ -29,8 +31,9 @@ pub struct StateHeader {
     pub time_s: f64,
     /// Bit 0: the last frame, a hint only. Bit 1: a row of results that is not its publisher's first.
     pub flags: u64,
-    /// Always 0.
-    pub reserved: u64,
+    /// Of a state: the first bead that may differ from rest, and the bead behind the last one in the upper 32 bits; all others have
+    /// displacements and velocities of 0. 0 if nobody says, and of other messages.
+    pub active: u64,
 }
 
 /// [`StateHeader::flags`]: the last frame of the run, or the end of a stream of results.
@@ -67,6 +70,21 @@ impl StateHeader {
     pub(super) fn stream(&self) -> StreamId {
         StreamId { run_id: RunId(self.run_id), stream_id: self.stream_id }
     }
+
+    /// The beads that may differ from rest among `beads`, if the header says so.
+    pub(super) fn active(&self, beads: usize) -> Option<Active> {
+        let part = |bits: u64| usize::try_from(bits & u64::from(u32::MAX)).ok();
+        let active = Active { first: part(self.active)?, end: part(self.active >> 32)? };
+        (self.active != 0 && active.first <= active.end && active.end <= beads).then_some(active)
+    }
+}
+
+/// The number that says in a header which beads may differ from rest.
+fn active_bits(active: Option<Active>) -> u64 {
+    let bits = active.and_then(|active| {
+        Some(u64::from(u32::try_from(active.first).ok()?) | u64::from(u32::try_from(active.end).ok()?) << 32)
+    });
+    bits.unwrap_or(0)
 }
 
 /// Request of a consumer: it asks to be connected, then confirms the connection.
@@ -210,6 +228,40 @@ pub(super) fn fill<T: Copy + Debug + ZeroCopySend>(
     unsafe { slot.assume_init() }
 }
 
+/// The slots of a publisher of states, each with the beads that may differ from rest in what was written into it last. Slots are used again
+/// and again, and only their publisher writes into them, so that of beads at rest nothing need be written twice.
+#[derive(Debug, Default)]
+pub(super) struct Slots {
+    written: HashMap<usize, Active>,
+}
+
+impl Slots {
+    /// Fills a slot with `frame`.
+    pub(super) fn fill(
+        &mut self,
+        mut slot: Slot<f64>,
+        header: StateHeader,
+        frame: &Frame<'_>,
+    ) -> SampleMut<Ipc, [f64], StateHeader> {
+        let beads = frame.u_m.len();
+        let active = frame.active.unwrap_or(Active::all(beads));
+        let before = self.written.insert(slot.payload_mut().as_ptr() as usize, active);
+        let Some(before) = before else {
+            let header = StateHeader { active: active_bits(frame.active), ..header };
+            return fill(slot, header, &[frame.u_m, frame.v_m_s, frame.extra]);
+        };
+        *slot.user_header_mut() = StateHeader { active: active_bits(frame.active), ..header };
+        let Active { first, end } = before.with(active);
+        let (u_m, rest) = slot.payload_mut().split_at_mut(beads);
+        let (v_m_s, extra) = rest.split_at_mut(beads);
+        u_m[first..end].write_copy_of_slice(&frame.u_m[first..end]);
+        v_m_s[first..end].write_copy_of_slice(&frame.v_m_s[first..end]);
+        extra.write_copy_of_slice(frame.extra);
+        // SAFETY: the slot has been filled to its end before, and nobody else writes into it.
+        unsafe { slot.assume_init() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,6 +274,7 @@ mod tests {
         assert_eq!(size_of::<RunStatus>(), 152);
         assert_eq!(size_of::<ManifestText>(), 64 * 1024);
         assert_eq!(std::mem::offset_of!(StateHeader, time_s), 40);
+        assert_eq!(std::mem::offset_of!(StateHeader, active), 56);
         assert_eq!(std::mem::offset_of!(RunStatus, first_frame), 40);
         assert_eq!(std::mem::offset_of!(RunStatus, node_id), 104);
         assert_eq!(std::mem::offset_of!(RunStatus, began_unix_ns), 120);

@@ -44,7 +44,7 @@ impl Run {
         for number in 0..frames {
             let time_s = self.manifest.physics.time_s(number);
             let (u_m, v_m_s) = (self.u_m.as_slice(), self.v_m_s.as_slice());
-            let frame = Frame { frame: number, step: number, time_s, u_m, v_m_s, extra: &[] };
+            let frame = Frame { frame: number, step: number, time_s, u_m, v_m_s, extra: &[], active: None };
             writer.accept(&frame).expect("accepted");
         }
     }

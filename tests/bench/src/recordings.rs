@@ -67,7 +67,7 @@ impl Frames {
         self.kept.iter().map(|(frame, step, doubles)| {
             let (u_m, v_m_s) = doubles.split_at(doubles.len() / 2);
             let time_s = self.manifest.physics.time_s(*step);
-            Frame { frame: *frame, step: *step, time_s, u_m, v_m_s, extra: &[] }
+            Frame { frame: *frame, step: *step, time_s, u_m, v_m_s, extra: &[], active: None }
         })
     }
 

@@ -25,7 +25,13 @@ fn contacts(chain: &Chain) -> Vec<Option<Contact>> {
         let wall = chain.wall(side);
         let coefficient = chain.damping.as_ref().map_or(0.0, |damping| damping.wall_coefficient[side]);
         let of_terms = chain.terms.iter().map(|term| term.wall_stiffness[side]).collect();
-        wall.is_there.then_some((wall.rest_overlap_m, wall.rest_force_n, wall.stiffness, coefficient, of_terms))
+        wall.is_there.then_some((
+            wall.rest_overlap_m,
+            wall.rest_force_n,
+            wall.stiffness,
+            coefficient,
+            of_terms,
+        ))
     };
     let between = |c: usize| {
         let of_terms = chain.terms.iter().map(|term| term.stiffness[c]).collect();

@@ -5,7 +5,7 @@ use crate::board::{BoardReader, BoardWriter};
 use crate::delivery::Publishing;
 use crate::outlet::Opening;
 use crate::services::{self, check_schema, text_of};
-use crate::wire::{RunStatus, STATE_WAITING, StateHeader, StreamId, fill};
+use crate::wire::{RunStatus, STATE_WAITING, Slots, StateHeader, StreamId, fill};
 use crate::{Bus, BusError, Ipc, chain_values, node_bytes, room};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
@@ -145,6 +145,7 @@ impl StatePublisher {
         let now = Instant::now();
         Ok(Self {
             publisher,
+            slots: Slots::default(),
             chain,
             server,
             join,

@@ -5,7 +5,7 @@ use bus::{
     AttachError, AttachOptions, ConsumerEvent, Delivery, LiveSource, PublishError, PublishOptions, RunState,
     WaitOutcome, list_runs,
 };
-use schemas::frame::{EndReason, FrameSource as _, Received};
+use schemas::frame::{Active, EndReason, Frame, FrameSink as _, FrameSource as _, Received};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -31,6 +31,45 @@ fn a_lossless_consumer_gets_every_frame_and_the_chain() {
         consumer.join().unwrap()
     });
     assert_eq!(received, got(0, 5000, EndReason::Complete));
+}
+
+/// Frames that say which beads move are whole, whatever their slots had before.
+#[test]
+fn a_frame_of_few_beads_is_whole() {
+    let test = TestBus::new();
+    let mut run = publisher(&test.bus, "window", BEADS, &PublishOptions::default());
+    let count = usize::try_from(BEADS).unwrap();
+    let states: Vec<_> = (0..1000_usize)
+        .map(|frame| {
+            let (first, length) = ((frame * 7) % count, (frame * 13) % count);
+            let active = Active { first, end: (first + length).min(count) };
+            let value = |bead: usize| {
+                if (active.first..active.end).contains(&bead) { (frame + bead) as f64 } else { 0.0 }
+            };
+            let values: Vec<f64> = (0..count).map(value).collect();
+            (values, (frame % 9 != 8).then_some(active))
+        })
+        .collect();
+    std::thread::scope(|scope| {
+        let consumer = scope.spawn(|| {
+            let mut source = attach(&test.bus, "window", Delivery::Lossless);
+            for (values, active) in &states {
+                let Received::Frame(frame) = source.receive().unwrap() else { panic!("a frame is missing") };
+                assert!(frame.u_m == values && frame.v_m_s == values, "{active:?}");
+                // an empty window at the first bead is not told from none
+                assert!(frame.active == *active || *active == Some(Active::all(0)), "{active:?}");
+            }
+        });
+        assert_eq!(run.wait_for(1, &AtomicBool::new(false), None).unwrap(), WaitOutcome::Ready);
+        for (number, (values, active)) in states.iter().enumerate() {
+            let (frame, time_s) = (number as u64, number as f64);
+            let state =
+                Frame { frame, step: frame, time_s, u_m: values, v_m_s: values, extra: &[], active: *active };
+            run.accept(&state).unwrap();
+        }
+        run.finish(EndReason::Complete).unwrap();
+        consumer.join().unwrap();
+    });
 }
 
 #[test]

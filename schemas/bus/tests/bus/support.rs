@@ -108,7 +108,15 @@ pub(crate) fn publish_one(
 ) -> Result<(), bus::PublishError> {
     let (u_m, v_m_s) = values(frame, beads);
     let time_s = frame as f64;
-    publisher.accept(&Frame { frame, step: frame, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] })
+    publisher.accept(&Frame {
+        frame,
+        step: frame,
+        time_s,
+        u_m: &u_m,
+        v_m_s: &v_m_s,
+        extra: &[],
+        active: None,
+    })
 }
 
 /// What a consumer got until the end.

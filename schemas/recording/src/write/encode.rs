@@ -201,7 +201,7 @@ mod tests {
             let time_s = random.doubles(1)[0] + 0.0;
             let (frame, step) = (random.number(), random.number());
             let is_frame = !random.next().is_multiple_of(4);
-            let state = Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &extra };
+            let state = Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &extra, active: None };
             let encoded = encoder.encode(&state, is_frame);
             let frame = is_frame.then_some(frame);
             let generated = proto::ChainState {

@@ -273,7 +273,8 @@ mod tests {
         let path = directory.path().join("test.mcap");
         let (mut u_m, v_m_s) = manifest.physics.initial_state();
         u_m[500] = 1e-5;
-        let frame = Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[] };
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
         let mut writer =
             RecordingWriter::create(&path, &manifest, "", &WriteOptions::default()).expect("new");
         writer.accept(&frame).expect("accepted");

@@ -47,7 +47,7 @@ pub(crate) fn for_each_frame(manifest: &RunManifest, mut take: impl FnMut(&Frame
         let step = manifest.step_of_frame(frame);
         let (u_m, v_m_s) = (doubles(step, 0), doubles(step, 1));
         let time_s = manifest.physics.time_s(step);
-        take(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] });
+        take(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None });
     }
 }
 

@@ -17,7 +17,7 @@ fn states_between_frames_are_recorded_without_a_frame_number() {
     let mut accept = |frame, step| {
         let (u_m, v_m_s) = (doubles(step, 0), doubles(step, 1));
         let time_s = manifest.physics.time_s(step);
-        writer.accept(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] })
+        writer.accept(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None })
     };
     for (frame, step) in [(0, 0), (0, 1), (0, 2), (1, 3), (1, 4), (1, 5), (2, 6)] {
         accept(frame, step).unwrap();

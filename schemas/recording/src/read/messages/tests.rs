@@ -28,7 +28,7 @@ fn recording() -> (TempDir, PathBuf, Vec<Range<usize>>) {
         let time_s = manifest.physics.time_s(step);
         u_m[500] = time_s;
         writer
-            .accept(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[] })
+            .accept(&Frame { frame, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None })
             .expect("accepted");
     }
     writer.finish(EndReason::Interrupted).expect("finished");
