@@ -115,8 +115,7 @@ impl Kernel {
     /// A kernel with a given instruction set that sweeps `tile` beads at a time; all instruction sets and tiles give
     /// the same bits.
     pub(crate) fn with_arch(chain: &Chain, arch: Arch, tile: usize) -> Self {
-        let (count, walls) =
-            (chain.bead_count(), [chain.wall(0), chain.wall(if chain.is_ring { 0 } else { 1 })]);
+        let (count, walls) = (chain.bead_count(), [chain.wall(0), chain.wall(usize::from(!chain.is_ring))]);
         let padded = |numbers: &mut dyn Iterator<Item = f64>| {
             let room = with_room(count) + BLOCK;
             AVec::from_iter(CACHELINE_ALIGN, numbers.chain(std::iter::repeat(0.0)).take(room))

@@ -120,10 +120,10 @@ fn kinds() -> Vec<Variant> {
             (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
         }),
         ("FPUT-α bonds", |c| {
-            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(2)), -1e8)])
+            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(2)), -1e8)]);
         }),
         ("FPUT-β bonds", |c| {
-            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)])
+            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)]);
         }),
         ("all three, with free ends", |c| {
             let springs = [(1, 1e5), (2, 1e7), (3, 1e12)].map(|(n, k)| (TermLaw::Spring(Spring(n)), k));

@@ -87,8 +87,9 @@ impl InGroups for Toda {
         overlap_m: &Group<G>,
         sum_n: &mut Group<G>,
     ) {
-        for c in 0..G {
-            sum_n.0[c] += self.force(stiffness[c], overlap_m.0[c]);
+        let contacts = stiffness.iter().zip(&overlap_m.0);
+        for (sum_n, (stiffness, overlap_m)) in sum_n.0.iter_mut().zip(contacts) {
+            *sum_n += self.force(*stiffness, *overlap_m);
         }
     }
 }

@@ -37,7 +37,7 @@ fn contacts(chain: &Chain) -> Vec<Option<Contact>> {
         let of_terms = chain.terms.iter().map(|term| term.stiffness[c]).collect();
         Some((chain.rest_overlap_m[c], chain.rest_force_n[c], chain.stiffness[c], coefficient(c), of_terms))
     };
-    let last = wall(if chain.is_ring { 0 } else { 1 });
+    let last = wall(usize::from(!chain.is_ring));
     [wall(0)].into_iter().chain((0..chain.contact_count()).map(between)).chain([last]).collect()
 }
 
