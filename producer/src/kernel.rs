@@ -4,12 +4,16 @@
 //! the [`Activity`] window displacement and velocity are zero, every contact has its force at rest, which is
 //! subtracted in the form in which it was computed, and a kick or a drift adds exactly zero.
 
+mod constants;
+mod group;
 mod layout;
 mod moving;
 mod sweep;
 
 use crate::aligned::with_room;
 use aligned_vec::{AVec, CACHELINE_ALIGN};
+use constants::{Constants, Contacts};
+use layout::GROUP;
 pub(crate) use layout::PerLane;
 use moving::Damped;
 pub(crate) use moving::Motion;
@@ -20,7 +24,7 @@ use schemas::simd::{ordered_sum, vectorized};
 use schemas::sites::Sites;
 use schemas::term::Term;
 use std::ops::Range;
-use sweep::{Constants, Contacts, Ends, GROUP};
+use sweep::Ends;
 pub(crate) use sweep::{Pass, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.

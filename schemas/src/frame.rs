@@ -59,7 +59,7 @@ pub struct Frame<'a> {
     pub active: Option<Active>,
 }
 
-/// What is said of a state makes no other of it.
+/// A window that is known, or not, makes no other state.
 impl PartialEq for Frame<'_> {
     fn eq(&self, other: &Self) -> bool {
         let of = |frame: &Self| (frame.frame, frame.step, frame.time_s);

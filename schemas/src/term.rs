@@ -83,7 +83,7 @@ impl PartialEq for BondForm {
 }
 
 /// The part of a law that kernels compute in vectors.
-trait InGroups: Law {
+pub trait InGroups: Law {
     /// Adds the forces (N) of a group of contacts to `sum_n`.
     fn add_to<S: Simd, const G: usize>(
         &self,

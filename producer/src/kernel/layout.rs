@@ -1,8 +1,10 @@
 //! Places of beads in registers: neighbours along a register, or chains beside each other.
 
-use super::sweep::GROUP;
 use pulp::Simd;
 use schemas::simd::{LANES, load};
+
+/// Beads that a pass takes together: several registers are on their way at a time.
+pub(super) const GROUP: usize = 16;
 
 /// A number of each chain that is computed at once: the same for all lanes, or one for each.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,9 @@
 //! Contacts of moving beads, with forces of any kind, and the power that they dissipate: for methods with forces that
 //! depend on velocity.
 
+use super::constants::{Constants, Contacts};
 use super::layout::PerLane;
-use super::sweep::{Constants, Contacts, Sweep};
+use super::sweep::Sweep;
 use super::{Kernel, Pass};
 use crate::aligned::with_room;
 use aligned_vec::{AVec, CACHELINE_ALIGN};

@@ -9,13 +9,13 @@
 //! last forces it needs.
 
 use super::Kernel;
-use super::layout::{Along, COUNTED, Layout, PerLane};
+use super::constants::{CUBIC, Constants, LINEAR, LOADED, QUADRATIC, SPRINGS, TERMS, rows};
+use super::group::{Beads, Motion, Neighbours, net_n};
+use super::layout::{Along, GROUP, Layout, PerLane};
 use crate::aligned::with_room;
-use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Simd, WithSimd};
 use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser};
-use schemas::simd::{Group, LANES, above, in_vectors, load, store};
-use schemas::term::{Spring, TermLaw};
+use schemas::simd::{LANES, in_vectors, load, store};
 use std::ops::Range;
 
 /// A pass of a sweep over every bead and contact that may not be at rest.
@@ -46,9 +46,6 @@ pub(crate) const TILE: usize = 2048;
 
 /// The most passes of a sweep over a chain that is no longer than a tile.
 const MOST_PASSES: usize = 256;
-
-/// Beads that a pass takes together: several registers are on their way at a time.
-pub(super) const GROUP: usize = 16;
 
 impl Kernel {
     /// Takes all beads and contacts that may not be at rest through `passes`, and widens the window of active
@@ -134,67 +131,6 @@ pub(super) struct Ends {
     pub(super) have_wall: [bool; 2],
 }
 
-/// Numbers of beads and contacts that never change, in groups: of each group `1/m` (1/kg) of its beads, the stiffnesses of the contacts on
-/// their left, in loaded chains their overlaps (m) and forces (N) at rest, and their stiffnesses in each term.
-#[derive(Debug, Clone)]
-pub(super) struct Constants {
-    kind: u8,
-    has_law: bool,
-    /// Numbers of a bead.
-    rows: usize,
-    numbers: AVec<f64>,
-    terms: Vec<TermLaw>,
-}
-
-/// Contacts, and which of their parts there are.
-const LOADED: u8 = 1;
-/// Terms of any kind; the rows of loaded chains are there, too.
-const TERMS: u8 = 2;
-/// Springs, in this order, and no other force.
-const SPRINGS: u8 = LINEAR | QUADRATIC | CUBIC;
-const LINEAR: u8 = 4;
-const QUADRATIC: u8 = 8;
-const CUBIC: u8 = 16;
-
-/// The contacts of a chain, and `1/m` (1/kg) of its beads, each in an array of whole groups.
-#[derive(Clone, Copy)]
-pub(super) struct Contacts<'a> {
-    pub(super) inverse_mass: &'a [f64],
-    pub(super) stiffness: &'a [f64],
-    /// Overlaps (m) and forces (N) at rest.
-    pub(super) rest: [&'a [f64]; 2],
-    pub(super) terms: &'a [(TermLaw, AVec<f64>)],
-}
-
-impl Constants {
-    pub(super) fn of(contacts: Contacts<'_>) -> Self {
-        let Contacts { inverse_mass, stiffness, rest, terms } = contacts;
-        let has = |numbers: &[f64]| numbers.iter().any(|x| *x != 0.0);
-        let (has_law, loaded) = (has(stiffness), if rest.map(has) == [false; 2] { 0 } else { LOADED });
-        let springs: Option<Vec<_>> = terms
-            .iter()
-            .map(|(law, _)| if let TermLaw::Spring(Spring(n)) = law { Some(*n) } else { None })
-            .collect();
-        let kind = loaded
-            | match springs.as_deref() {
-                Some([]) => 0,
-                Some([1]) if !has_law => LINEAR,
-                Some([1, 2]) if !has_law => LINEAR | QUADRATIC,
-                Some([1, 3]) if !has_law => LINEAR | CUBIC,
-                Some([1, 2, 3]) if !has_law => LINEAR | QUADRATIC | CUBIC,
-                _ => TERMS | LOADED,
-            };
-        let rest = if kind & LOADED == 0 { &[][..] } else { &rest };
-        let of_terms = terms.iter().map(|(_, stiffness)| &stiffness[..]);
-        let rows: Vec<_> = [inverse_mass, stiffness].iter().chain(rest).copied().chain(of_terms).collect();
-        let of_group = |start: usize| rows.iter().flat_map(move |row| &row[start..start + GROUP]);
-        let numbers = (0..inverse_mass.len()).step_by(GROUP).flat_map(of_group).copied();
-        let numbers = AVec::from_iter(CACHELINE_ALIGN, numbers);
-        let terms = terms.iter().map(|(law, _)| law.clone()).collect();
-        Self { kind, has_law, rows: rows.len(), numbers, terms }
-    }
-}
-
 /// Everything that a sweep takes its beads through. Arrays have room behind the last bead.
 pub(super) struct Sweep<'a> {
     pub(super) passes: &'a [Pass],
@@ -243,38 +179,6 @@ impl<S: Simd> PowerUser for In<'_, S> {
         let simd = self.simd;
         self.sweep.of_kind::<S, _, Along>(simd, power);
     }
-}
-
-/// A kick, which comes twice where a step ends and the next one begins, and a drift (s); or no motion.
-#[derive(Clone, Copy)]
-struct Motion<V> {
-    kicks: u8,
-    kick_s: V,
-    drift_s: V,
-}
-
-/// The neighbours of the end beads.
-#[derive(Clone, Copy)]
-struct Neighbours<V> {
-    /// The register before that of the first bead.
-    left_m: V,
-    /// The place of the right neighbour of the last bead.
-    right_m: V,
-    /// True if there is a left and a right neighbour.
-    are_there: [bool; 2],
-    /// The number behind that of the last bead.
-    behind: usize,
-}
-
-/// A group of beads: their displacements and velocities, and the forces and constants of the contacts on their left.
-struct Beads<'a> {
-    u: &'a mut [f64; GROUP],
-    v: &'a mut [f64; GROUP],
-    /// The forces of the next contacts follow.
-    force: &'a mut [f64],
-    constants: &'a [[f64; GROUP]],
-    /// True if a contact presses, for this group and the next one.
-    presses: &'a mut [bool],
 }
 
 impl Sweep<'_> {
@@ -463,139 +367,5 @@ impl Sweep<'_> {
                 store::<S>(simd.add_f64s(load::<S>(u, at), way), u, at);
             }
         }
-    }
-}
-
-/// Numbers of a bead among the constants.
-#[inline(always)]
-fn rows<const KIND: u8>(terms: &[TermLaw]) -> usize {
-    let rest = if KIND & LOADED == 0 { 0 } else { 2 };
-    if KIND & (SPRINGS | TERMS) == 0 { 2 + rest } else { 2 + rest + terms.len() }
-}
-
-impl Beads<'_> {
-    /// Moves them, and evaluates the contacts on their left. `before` is the register before
-    /// them; gives their last one. At an end of the chain it is told the number at which they begin, and the neighbours there.
-    #[inline(always)]
-    fn step<S: Simd, P: Power, L: Layout, const KIND: u8, const AT_END: bool>(
-        self,
-        simd: S,
-        (power, zero_up_to_m, terms): (P, S::f64s, &[TermLaw]),
-        motion: Motion<S::f64s>,
-        mut before: S::f64s,
-        (start, ends): (usize, Neighbours<S::f64s>),
-    ) -> S::f64s {
-        let Beads { u, v, force, constants, presses } = self;
-        let (lanes, stride) = (S::F64_LANES, L::stride::<S>());
-        // Without a force a kick adds zero, which changes no velocity: none is `-0`, see `Splitting::advance`.
-        let is_pushed = motion.kicks > 0 && (KIND != 0 || presses[0] | presses[1]);
-        let (mut overlaps, mut closed) = (Group([0.0; GROUP]), Group([0.0; GROUP]));
-        let mut most = simd.splat_f64s(0.0);
-        for at in (0..GROUP).step_by(lanes) {
-            let mut right = load::<S>(u, at);
-            if motion.kicks > 0 {
-                let mut velocity = load::<S>(v, at);
-                if is_pushed {
-                    let net = net_n::<S, L>(simd, force, at);
-                    let inverse_mass = load::<S>(&constants[0], at);
-                    velocity = motion.kicked(simd, inverse_mass, net, velocity);
-                    store::<S>(velocity, v, at);
-                }
-                right = simd.add_f64s(right, simd.mul_f64s(motion.drift_s, velocity));
-                store::<S>(right, u, at);
-            }
-            let mut left = L::left(simd, before, right);
-            before = right;
-            if AT_END {
-                let number = simd.add_f64s(load::<S>(&COUNTED, at), simd.splat_f64s(start as f64));
-                // what touches nothing has an overlap of zero
-                let behind = simd.splat_f64s(ends.behind as f64);
-                let there = if ends.are_there[1] { ends.right_m } else { left };
-                right = simd.select_f64s(simd.greater_than_or_equal_f64s(number, behind), there, right);
-                let first = simd.splat_f64s(if ends.are_there[0] { 0.0 } else { stride as f64 });
-                left = simd.select_f64s(simd.less_than_f64s(number, first), right, left);
-            }
-            let mut overlap = simd.sub_f64s(left, right);
-            if KIND & LOADED != 0 {
-                overlap = simd.add_f64s(overlap, load::<S>(&constants[2], at));
-            }
-            if KIND & SPRINGS != 0 {
-                let mut sum = simd.splat_f64s(0.0);
-                let mut row = rows::<KIND>(&[]);
-                for (bit, spring) in [(LINEAR, Spring(1)), (QUADRATIC, Spring(2)), (CUBIC, Spring(3))] {
-                    if KIND & bit != 0 {
-                        sum = simd
-                            .add_f64s(sum, spring.force_in(simd, load::<S>(&constants[row], at), overlap));
-                        row += 1;
-                    }
-                }
-                if KIND & LOADED != 0 {
-                    sum = simd.sub_f64s(sum, load::<S>(&constants[3], at));
-                }
-                store::<S>(sum, &mut overlaps.0, at);
-                continue;
-            }
-            if KIND & TERMS != 0 {
-                store::<S>(overlap, &mut overlaps.0, at);
-            }
-            let overlap = above(simd, overlap, zero_up_to_m);
-            if KIND == 0 {
-                most = simd.max_f64s(most, overlap);
-            }
-            store::<S>(overlap, &mut closed.0, at);
-        }
-        if KIND == 0 {
-            let is_closed = simd.greater_than_f64s(most, simd.splat_f64s(0.0));
-            let pressed = std::mem::replace(&mut presses[0], simd.first_true_m64s(is_closed) < lanes);
-            if !presses[0] {
-                if pressed {
-                    force[..GROUP].fill(0.0);
-                }
-                return before;
-            }
-        }
-        if KIND & SPRINGS != 0 {
-            for at in (0..GROUP).step_by(lanes) {
-                store::<S>(load::<S>(&overlaps.0, at), force, at);
-            }
-            return before;
-        }
-        let mut sum = Group([0.0; GROUP]);
-        if P::IS_ANY {
-            let powers = power.raise_group(simd, &closed);
-            for at in (0..GROUP).step_by(lanes) {
-                let found = simd.mul_f64s(load::<S>(&constants[1], at), load::<S>(&powers.0, at));
-                store::<S>(found, &mut sum.0, at);
-            }
-        }
-        if KIND & TERMS != 0 {
-            for (law, stiffness) in terms.iter().zip(&constants[rows::<KIND>(&[])..]) {
-                law.add_to(simd, stiffness, &overlaps, &mut sum);
-            }
-        }
-        for at in (0..GROUP).step_by(lanes) {
-            let mut found = load::<S>(&sum.0, at);
-            if KIND & LOADED != 0 {
-                found = simd.sub_f64s(found, load::<S>(&constants[3], at));
-            }
-            store::<S>(found, force, at);
-        }
-        before
-    }
-}
-
-/// The net force on the beads from number `at` on.
-#[inline(always)]
-fn net_n<S: Simd, L: Layout>(simd: S, force: &[f64], at: usize) -> S::f64s {
-    simd.sub_f64s(load::<S>(force, at), load::<S>(force, at + L::stride::<S>()))
-}
-
-impl<V: Copy> Motion<V> {
-    /// `v + (h·(1/m))·F`, once or twice.
-    #[inline(always)]
-    fn kicked<S: Simd<f64s = V>>(&self, simd: S, inverse_mass: V, force: V, velocity: V) -> V {
-        let change = simd.mul_f64s(simd.mul_f64s(self.kick_s, inverse_mass), force);
-        let velocity = simd.add_f64s(velocity, change);
-        if self.kicks == 2 { simd.add_f64s(velocity, change) } else { velocity }
     }
 }

@@ -31,8 +31,8 @@ pub struct StateHeader {
     pub time_s: f64,
     /// Bit 0: the last frame, a hint only. Bit 1: a row of results that is not its publisher's first.
     pub flags: u64,
-    /// Of a state: the first bead that may differ from rest, and the bead behind the last one in the upper 32 bits; all others have
-    /// displacements and velocities of 0. 0 if nobody says, and of other messages.
+    /// The first bead of a state that may differ from rest, and the bead behind the last one in the upper 32 bits; all others have
+    /// displacements and velocities of 0. 0 if nobody says, and in other messages.
     pub active: u64,
 }
 

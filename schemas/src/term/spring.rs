@@ -89,19 +89,6 @@ impl Law for Spring {
     }
 }
 
-impl Spring {
-    /// Forces (N) of the contacts in a register.
-    #[inline(always)]
-    pub fn force_in<S: Simd>(self, simd: S, stiffness: S::f64s, overlap_m: S::f64s) -> S::f64s {
-        let power = match self.0 {
-            1 => overlap_m,
-            2 => simd.mul_f64s(overlap_m, overlap_m),
-            _ => simd.mul_f64s(simd.mul_f64s(overlap_m, overlap_m), overlap_m),
-        };
-        simd.mul_f64s(stiffness, power)
-    }
-}
-
 impl InGroups for Spring {
     #[inline(always)]
     fn add_to<S: Simd, const G: usize>(
@@ -113,7 +100,12 @@ impl InGroups for Spring {
     ) {
         for at in (0..G).step_by(S::F64_LANES) {
             let (stiffness, d) = (load::<S>(stiffness, at), load::<S>(&overlap_m.0, at));
-            let force_n = self.force_in(simd, stiffness, d);
+            let power = match self.0 {
+                1 => d,
+                2 => simd.mul_f64s(d, d),
+                _ => simd.mul_f64s(simd.mul_f64s(d, d), d),
+            };
+            let force_n = simd.mul_f64s(stiffness, power);
             store::<S>(simd.add_f64s(load::<S>(&sum_n.0, at), force_n), &mut sum_n.0, at);
         }
     }
