@@ -13,7 +13,7 @@ pub(super) const BUDGETS: [(&str, usize); 21] = [
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 6_100),
+    ("producer", 6_150),
     ("consumers", 5_950),
     ("consumers/analyses", 2_700),
     ("consumers/experiments", 1_100),
@@ -30,7 +30,7 @@ pub(super) const BUDGETS: [(&str, usize); 21] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 69_050;
+const MOST_LINES: usize = 69_150;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
