@@ -57,7 +57,7 @@ impl Kernel {
         // forces reach one bead further each time they are evaluated
         let reach = passes.iter().filter(|pass| pass.has_forces()).count();
         let beads = self.reached(reach);
-        debug_assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
+        assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
         self.sweep_over(&beads, passes, u_m, v_m_s);
         self.widen(&beads, u_m, v_m_s);
     }
