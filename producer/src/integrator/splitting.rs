@@ -20,7 +20,7 @@ use std::ops::Range;
 pub(crate) struct Stages {
     /// The kicks but the last, each with the drift after it: `(b, a)`.
     pub(crate) kick_drift: &'static [(f64, f64)],
-    /// The last kick.
+    /// The last kick, which is as long as the first.
     pub(crate) last_kick: f64,
 }
 
@@ -186,6 +186,8 @@ mod tests {
             let kicks: f64 = stages.kick_drift.iter().map(|(b, _)| b).sum::<f64>() + stages.last_kick;
             let drifts: f64 = stages.kick_drift.iter().map(|(_, a)| a).sum();
             assert!((kicks - 1.0).abs() < 1e-15 && (drifts - 1.0).abs() < 1e-15);
+            // `Pass::StageAfterKick` makes both with one duration
+            assert_eq!(stages.last_kick, stages.kick_drift[0].0);
         }
     }
 }
