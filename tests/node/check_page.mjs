@@ -483,6 +483,8 @@ const scenarios = {
       await page.fill("#change-value", value);
       await page.click('#tab button:text-is("Simulate beside it")');
       await page.waitForSelector("#second-panel:not([hidden])");
+      // the panel is there before the chain is at its step, and only then is the tab drawn anew
+      await page.waitForSelector("#tab pre");
       fs.writeFileSync("changed.toml", await textOf(page, "#tab pre"));
       await told("run", "changed.toml", "--out", "changed.mcap", "--force");
       const { info, last } = await page.evaluate(async () => {

@@ -214,8 +214,10 @@ const scenarios = {
     const url = await start("view", light, heavy).line;
     const page = await openPage(url);
     await page.waitForSelector("#second-panel:not([hidden])");
-    const titles = await drawnTexts(page);
-    assert.ok(titles.includes("light") && titles.includes(heavy), `${titles}`);
+    await until("both titles", async () => {
+      const titles = await drawnTexts(page);
+      return titles.includes("light") && titles.includes(heavy);
+    });
     await page.click("#tab-compare");
     await page.click("#compare-difference");
     const subtracted = (one, steps) =>
