@@ -6,7 +6,7 @@ use crate::read::parse::parse_record;
 use crate::read::records::{MAX_RECORD_BYTES, RecordReader, check_crc, chunk_header_bytes};
 use mcap::records::{Record, op};
 use schemas::manifest::RunManifest;
-use std::io::Read;
+use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 
@@ -72,7 +72,14 @@ impl Chunk {
                 let only_records = self.end == records.body().len();
                 if only_records { records.chunk_crc() } else { crc32fast::hash(&data) }
             }
-            "zstd" => self.decompress(offset, &data, header.uncompressed_size, records).map_err(damaged)?,
+            "zstd" => {
+                let found = self.decompress(offset, &data, header.uncompressed_size, records);
+                found.map_err(|error| match error.kind() {
+                    // of the machine, not of the file
+                    io::ErrorKind::OutOfMemory => ReadError::io(path)(error),
+                    _ => damaged(error.to_string()),
+                })?
+            }
             other => {
                 return Err(ReadError::NotBeadline {
                     path: path.to_owned(),
@@ -103,7 +110,7 @@ impl Chunk {
         data: &[u8],
         size: u64,
         records: &RecordReader,
-    ) -> Result<u32, String> {
+    ) -> io::Result<u32> {
         let head = ChunkHead::parse(records.body());
         let ready = head.and_then(|head| self.ahead.take(offset, &head, records, &mut self.buffer));
         let crc = if let Some(crc) = ready {
@@ -119,21 +126,25 @@ impl Chunk {
     /// Replaces the contents by as much as can be read of the chunk record `body`, which may be damaged or end early:
     /// the bytes that are there, or with zstd everything before the first byte that cannot be decompressed.
     /// No checksum proves any of it. False if nothing can be read.
-    pub(crate) fn load_unchecked(&mut self, offset: u64, body: &[u8]) -> bool {
+    ///
+    /// # Errors
+    /// When there is no memory for it.
+    pub(crate) fn load_unchecked(&mut self, offset: u64, body: &[u8]) -> io::Result<bool> {
         self.buffer.clear();
         if let Some(head) = ChunkHead::parse(body) {
             let data = body.get(head.bytes..).unwrap_or_default();
             let data =
                 usize::try_from(head.compressed_bytes).ok().and_then(|end| data.get(..end)).unwrap_or(data);
             if head.is_compressed {
-                stream(data, self.most_bytes, &mut self.buffer);
-            } else if self.buffer.try_reserve(data.len()).is_ok() {
+                stream(data, self.most_bytes, &mut self.buffer)?;
+            } else {
+                self.buffer.try_reserve(data.len())?;
                 self.buffer.extend_from_slice(data);
             }
         }
         (self.start, self.next, self.end) = (0, 0, self.buffer.len());
         (self.offset, self.number) = (offset, self.number + 1);
-        !self.buffer.is_empty()
+        Ok(!self.buffer.is_empty())
     }
 
     /// True if the next record cannot be taken.
@@ -243,38 +254,40 @@ impl ChunkHead {
 }
 
 /// Replaces the contents of `buffer` by `data` decompressed, which should be `size` bytes and no more than `most_bytes`.
+///
+/// # Errors
+/// [`io::ErrorKind::OutOfMemory`] if there is no room for it; any other kind is one of `data`.
 pub(crate) fn decompress(
     zstd: &mut zstd::bulk::Decompressor<'_>,
     data: &[u8],
     size: u64,
     most_bytes: u64,
     buffer: &mut Vec<u8>,
-) -> Result<(), String> {
+) -> io::Result<()> {
     buffer.clear();
     let most = most_bytes.min(data.len() as u64 * MOST_COMPRESSED); // integers
-    let room = usize::try_from(size).ok().filter(|_| size <= most);
-    if room.is_none_or(|room| buffer.try_reserve(room).is_err()) {
-        return Err(format!(
-            "a chunk of {size} bytes, more than {most_bytes}, than its {} bytes can hold or than there is memory",
-            data.len()
-        ));
-    }
-    zstd.decompress_to_buffer(data, buffer)
-        .map_err(|error| format!("a chunk that zstd cannot decompress: {error}"))?;
+    let room = usize::try_from(size).ok().filter(|_| size <= most).ok_or_else(|| {
+        let bytes = data.len();
+        io::Error::other(format!(
+            "a chunk of {size} bytes, more than {most_bytes} or than its {bytes} bytes can hold"
+        ))
+    })?;
+    buffer.try_reserve(room)?;
+    let damaged =
+        |error: io::Error| io::Error::other(format!("a chunk that zstd cannot decompress: {error}"));
+    zstd.decompress_to_buffer(data, buffer).map_err(damaged)?;
     Ok(())
 }
 
 /// Decompresses `data` as far as it goes, to at most `most_bytes`.
-fn stream(data: &[u8], most_bytes: u64, buffer: &mut Vec<u8>) {
-    let Ok(decoder) = zstd::stream::read::Decoder::with_buffer(data) else { return };
-    let mut decoder = decoder.take(most_bytes);
+fn stream(data: &[u8], most_bytes: u64, buffer: &mut Vec<u8>) -> io::Result<()> {
+    let mut decoder = zstd::stream::read::Decoder::with_buffer(data)?.take(most_bytes);
     let mut part = vec![0; 1 << 17];
     while let Ok(count @ 1..) = decoder.read(&mut part) {
-        if buffer.try_reserve(count).is_err() {
-            return;
-        }
+        buffer.try_reserve(count)?;
         buffer.extend_from_slice(part.get(..count).unwrap_or_default());
     }
+    Ok(())
 }
 
 /// The record at the beginning of `bytes`, if it is whole.

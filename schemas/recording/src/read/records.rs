@@ -221,17 +221,14 @@ impl RecordReader {
 
     fn read_body(&mut self, offset: u64, length: u64) -> Result<(), ReadError> {
         let too_long = || {
-            let what =
-                format!("a record of {length} bytes, more than {MAX_RECORD_BYTES} or than there is memory");
+            let what = format!("a record of {length} bytes, more than {MAX_RECORD_BYTES}");
             ReadError::damaged(&self.path, offset, what)
         };
         let room =
             usize::try_from(length).ok().filter(|_| length <= MAX_RECORD_BYTES).ok_or_else(too_long)?;
-        self.body.clear();
-        if self.body.try_reserve(room).is_err() {
-            return Err(too_long());
-        }
         let io = ReadError::io(&self.path);
+        self.body.clear();
+        self.body.try_reserve(room).map_err(|error| io(error.into()))?;
         let read = self.file.read_to(length, &mut self.body).map_err(&io)?;
         if read < room { Err(io(io::ErrorKind::UnexpectedEof.into())) } else { Ok(()) }
     }

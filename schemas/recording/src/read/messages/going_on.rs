@@ -138,7 +138,7 @@ impl MessageReader {
         let may_be_unwritten = !self.records.is_closed() && body.ends_with(&[0; UNWRITTEN_BYTES]);
         let was_never_whole = may_be_unwritten && is_zero_from(&mut self.records, end)?;
         let kind = if was_never_whole { DamageKind::Torn } else { DamageKind::Chunk };
-        self.take_unchecked(kind, offset_bytes, length_bytes, what, &body);
+        self.take_unchecked(kind, offset_bytes, length_bytes, what, &body)?;
         if let Some(salvage) = &mut self.salvage {
             salvage.counts_lost = true;
         }
@@ -153,17 +153,19 @@ impl MessageReader {
         length_bytes: u64,
         what: String,
         body: &[u8],
-    ) {
+    ) -> Result<(), ReadError> {
         let chunk = Some(self.chunk.next_number());
         let time_range_ns = ChunkHead::parse(body).map(|head| head.time_range_ns);
         let damage = Damage::at(kind, chunk, offset_bytes, length_bytes, what);
         self.note_with(Damage { time_range_ns, ..damage });
-        self.in_chunk = self.chunk.load_unchecked(offset_bytes, body);
+        let loaded = self.chunk.load_unchecked(offset_bytes, body);
+        self.in_chunk = loaded.map_err(ReadError::io(self.records.path()))?;
         self.is_checked = false;
         if let Some(salvage) = &mut self.salvage {
             salvage.sound_end = offset_bytes + RECORD_HEAD_BYTES;
             salvage.layout.forget_chunk();
         }
+        Ok(())
     }
 
     /// Notes that the CRC of the data section or of the summary section is wrong.
@@ -263,7 +265,7 @@ impl MessageReader {
             Some(head) => format!("the file ends in it, after {body_bytes} of {} bytes", head.record_bytes()),
             None => what,
         };
-        self.take_unchecked(kind, bad, left, what, &body);
+        self.take_unchecked(kind, bad, left, what, &body)?;
         Ok(Step::Other)
     }
 
