@@ -60,6 +60,11 @@ impl Drives {
         (0..self.count()).all(|d| matches!(self.acts(d), Acts::Wall(_)))
     }
 
+    /// True if one of them moves a bead.
+    pub(crate) fn move_beads(&self) -> bool {
+        (0..self.count()).any(|d| matches!(self.acts(d), Acts::Moves(_)))
+    }
+
     /// Number of drives.
     pub(crate) fn count(&self) -> usize {
         self.drives.len()

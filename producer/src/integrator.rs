@@ -1,6 +1,7 @@
 //! One integrator for all methods.
 
 mod gear;
+mod lanes;
 mod runge;
 mod splitting;
 
@@ -8,6 +9,8 @@ use crate::aligned::Padded;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
 use gear::{Gear, taylor_terms};
+pub use lanes::Lanes;
+pub(crate) use lanes::Shape;
 use pulp::Arch;
 use runge::Runge;
 use schemas::frame::Active;

@@ -11,18 +11,17 @@ mod moving;
 mod sweep;
 
 use crate::aligned::with_room;
-use aligned_vec::{AVec, CACHELINE_ALIGN};
-use constants::{Constants, Contacts};
+use aligned_vec::{AVec, avec};
+use constants::{Constants, Contacts, Springs};
 use layout::GROUP;
-pub(crate) use layout::PerLane;
+pub(crate) use layout::{PerLane, lanes};
 use moving::Damped;
 pub(crate) use moving::Motion;
 use pulp::Arch;
-use schemas::chain::{Chain, Wall};
+use schemas::chain::Chain;
 use schemas::contact::{BLOCK, ContactLaw};
 use schemas::simd::{ordered_sum, vectorized};
 use schemas::sites::Sites;
-use schemas::term::Term;
 use std::ops::Range;
 use sweep::Ends;
 pub(crate) use sweep::{Pass, TILE};
@@ -89,6 +88,8 @@ pub struct Kernel {
     law: ContactLaw,
     /// Number of beads.
     count: usize,
+    /// Numbers of a bead: one, or one for each lane of a register, in which chains lie beside each other.
+    width: usize,
     ends: Ends,
     inverse_mass: AVec<f64>,
     /// Force (N) at rest of each contact.
@@ -119,44 +120,81 @@ impl Kernel {
     /// A kernel with a given instruction set that sweeps `tile` beads at a time; all instruction sets and tiles give
     /// the same bits.
     pub(crate) fn with_arch(chain: &Chain, arch: Arch, tile: usize) -> Self {
-        let (count, walls) = (chain.bead_count(), [chain.wall(0), chain.wall(usize::from(!chain.is_ring))]);
-        let padded = |numbers: &mut dyn Iterator<Item = f64>| {
-            let room = with_room(count) + BLOCK;
-            AVec::from_iter(CACHELINE_ALIGN, numbers.chain(std::iter::repeat(0.0)).take(room))
+        Self::of(&[chain], 1, arch, tile)
+    }
+
+    /// A kernel for chains beside each other, as many as a register has lanes or fewer, which have nothing but contacts in common:
+    /// the number of beads, the ends and the laws.
+    pub(crate) fn of_many(chains: &[&Chain], arch: Arch) -> Self {
+        let width = lanes(arch);
+        Self::of(chains, width, arch, TILE / width)
+    }
+
+    /// A kernel for `chains` of `width` numbers a bead; the numbers of lanes without a chain are zeros.
+    fn of(chains: &[&Chain], width: usize, arch: Arch, tile: usize) -> Self {
+        let chain = chains[0];
+        let (count, ends) = (chain.bead_count(), [0, usize::from(!chain.is_ring)]);
+        let padded = |numbers: &dyn Fn(&Chain, usize) -> f64, of_each: usize| {
+            let mut all = avec![0.0; with_room(count * width) + BLOCK];
+            for (lane, chain) in chains.iter().enumerate() {
+                for place in 0..of_each {
+                    all[place * width + lane] = numbers(chain, place);
+                }
+            }
+            all
         };
-        let beside = |contacts: &[f64], of_walls: [f64; 2]| {
-            padded(&mut [of_walls[0]].into_iter().chain(contacts.iter().copied()).chain([of_walls[1]]))
+        // of the contact on the left of each bead, and of the one behind the last
+        let beside = |contacts: &dyn Fn(&Chain) -> &[f64], of_wall: &dyn Fn(&Chain, usize) -> f64| {
+            let number = |chain: &Chain, place: usize| match place {
+                0 if chain.wall(ends[0]).is_there => of_wall(chain, ends[0]),
+                last if last == count && chain.wall(ends[1]).is_there => of_wall(chain, ends[1]),
+                place if place > 0 && place < count => contacts(chain)[place - 1],
+                _ => 0.0,
+            };
+            padded(&number, count + 1)
         };
-        let of_walls =
-            |number: fn(&Wall) -> f64| walls.map(|wall| if wall.is_there { number(wall) } else { 0.0 });
-        let inverse_mass = padded(&mut chain.mass_kg.iter().map(|m| 1.0 / m));
-        let stiffness = beside(&chain.stiffness, of_walls(|wall| wall.stiffness));
-        let rest_m = beside(&chain.rest_overlap_m, of_walls(|wall| wall.rest_overlap_m));
-        let rest_n = beside(&chain.rest_force_n, of_walls(|wall| wall.rest_force_n));
-        let of_term = |term: &Term| {
-            let of_wall = |side: usize| term.wall_stiffness[if chain.is_ring { 0 } else { side }];
-            let there = [0, 1].map(|side| if walls[side].is_there { of_wall(side) } else { 0.0 });
-            beside(&term.stiffness, there)
+        let inverse_mass = padded(&|chain, bead| 1.0 / chain.mass_kg[bead], count);
+        let stiffness = beside(&|chain| &chain.stiffness, &|chain, side| chain.wall(side).stiffness);
+        let rest_m = beside(&|chain| &chain.rest_overlap_m, &|chain, side| chain.wall(side).rest_overlap_m);
+        let rest_n = beside(&|chain| &chain.rest_force_n, &|chain, side| chain.wall(side).rest_force_n);
+        let of_term = |term: usize| {
+            let of_wall = |chain: &Chain, side: usize| chain.terms[term].wall_stiffness[side];
+            beside(&|chain| &chain.terms[term].stiffness, &of_wall)
         };
-        let terms: Vec<_> = chain.terms.iter().map(|term| (term.law.clone(), of_term(term))).collect();
+        let laws = chain.terms.iter().map(|term| term.law.clone()).enumerate();
+        let terms: Vec<_> = laws.map(|(term, law)| (law, of_term(term))).collect();
+        let springs = match &chain.sites {
+            // resonators pull at the same time: see `with_drives`
+            sites if sites.has_resonators() || !sites.has_springs() => Springs::None,
+            sites if sites.cubic_n_per_m3.is_empty() => Springs::Linear,
+            _ => Springs::Cubic,
+        };
+        let of_springs = |constants: &dyn Fn(&Sites) -> &[f64]| match springs {
+            Springs::None => avec![],
+            _ => padded(&|chain, bead| constants(&chain.sites).get(bead).copied().unwrap_or(0.0), count),
+        };
+        let (linear, cubic) =
+            (of_springs(&|sites| &sites.linear_n_per_m), of_springs(&|sites| &sites.cubic_n_per_m3));
         let contacts = Contacts {
             inverse_mass: &inverse_mass,
             stiffness: &stiffness,
             rest: [&rest_m, &rest_n],
             terms: &terms,
+            springs: (springs, [&linear, &cubic]),
         };
         Self {
             arch,
             law: chain.law.clone(),
             count,
-            ends: Ends { is_ring: chain.is_ring, have_wall: walls.map(|wall| wall.is_there) },
+            width,
+            ends: Ends { is_ring: chain.is_ring, have_wall: ends.map(|side| chain.wall(side).is_there) },
             constants: Constants::of(contacts),
             walls_m: vec![[PerLane::same(0.0); 2]],
             wall_forces_n: Vec::new(),
             sites: chain.sites.clone(),
             damped: Damped::of(chain, contacts),
-            force: padded(&mut std::iter::empty()),
-            presses: vec![false; with_room(count) / GROUP + 1],
+            force: avec![0.0; inverse_mass.len()],
+            presses: vec![false; with_room(count * width) / GROUP + 1],
             activity: Activity { beads: 0..0 },
             tile,
             inverse_mass,
@@ -164,12 +202,14 @@ impl Kernel {
         }
     }
 
-    /// Forgets the earlier forces and takes `activity` as the beads that may not be at rest. In a ring, which has no
-    /// ends for a window, takes all beads.
+    /// Forgets the earlier forces and takes the beads whose numbers are in `activity` as those that may not be at rest. In a ring, which
+    /// has no ends for a window, takes all beads.
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
-        self.activity = if self.ends.is_ring { Activity { beads: 0..self.count } } else { activity };
+        let Activity { beads: numbers } = activity;
+        let beads = numbers.start / self.width..numbers.end.div_ceil(self.width);
+        self.activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };
     }
 
     /// Puts the walls at these places (m).

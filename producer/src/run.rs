@@ -1,12 +1,16 @@
 //! The one path of a frame: advance → publish → record.
 
+mod together;
+
 use crate::growth::{Growth, Lost};
 use crate::integrator::Integrator;
 use crate::state::ChainState;
-use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::frame::{Active, EndReason, Frame, FrameSink};
 use schemas::manifest::{Physics, RunManifest};
 use schemas::summary::Drift;
+use std::error::Error;
 use std::ops::ControlFlow;
+pub use together::run_together;
 
 /// Result of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +32,7 @@ pub struct RunOutcome {
 
 /// Why a run could not go on. Frames published and recorded before stay valid.
 #[derive(Debug, thiserror::Error)]
-pub enum RunError<P: std::error::Error + 'static, R: std::error::Error + 'static> {
+pub enum RunError<P: Error + 'static, R: Error + 'static> {
     /// The publisher refused a frame.
     #[error("frame {frame} could not be published")]
     Publish {
@@ -124,68 +128,171 @@ pub fn resume<P: FrameSink, R: FrameSink>(
 /// Simulates the run from `state` on. `state` is the first frame if it is `fresh`, else the frame before.
 fn simulate<P: FrameSink, R: FrameSink>(
     manifest: &RunManifest,
-    mut state: ChainState,
-    mut fresh: bool,
+    state: ChainState,
+    fresh: bool,
     publisher: &mut P,
     recorder: Option<&mut R>,
     conductor: &mut impl Conductor<P, R>,
 ) -> Result<RunOutcome, RunError<P::Error, R::Error>> {
-    let mut integrator = Integrator::new(&manifest.physics);
     let mut growth = if conductor.watches_growth() { Growth::of(&manifest.physics, &state) } else { None };
-    let mut number = manifest.frame_at(state.step);
-    let first = if fresh { number } else { number + 1 };
-    let last_frame = (!fresh && manifest.is_recorded(state.step)).then_some(number);
-    let mut recording = Recording { recorder, count: 0, last_frame };
-    // between frames the state of the last one is gone; without steps between them it is still there
-    let mut last_published = (manifest.provenance.publish_every_steps > 1).then(|| state.clone());
-    let (reason, end) = loop {
-        let frame = Frame { active: integrator.active(&state), ..state.as_frame(manifest, number) };
+    let mut simulation = Simulation::new(Job { manifest, publisher, recorder, conductor }, state, fresh);
+    let mut integrator = Integrator::new(&manifest.physics);
+    let outcome = simulation.finish(&mut integrator, &mut growth)?;
+    Ok(RunOutcome { lost: growth.and_then(|growth| growth.lost()), ..outcome })
+}
+
+/// A run to be made, and all who take part in it.
+#[derive(Debug)]
+pub struct Job<'a, P, R, C> {
+    /// The run.
+    pub manifest: &'a RunManifest,
+    /// Gets each frame.
+    pub publisher: &'a mut P,
+    /// Gets the frames that are recorded.
+    pub recorder: Option<&'a mut R>,
+    /// Acts between frames.
+    pub conductor: &'a mut C,
+}
+
+/// The outcome of a run, or the reason why it could not go on.
+type Ended<P, R> = Result<RunOutcome, RunError<<P as FrameSink>::Error, <R as FrameSink>::Error>>;
+
+/// A run under way: it looks at some of its states, whoever computes them.
+struct Simulation<'a, P, R, C> {
+    manifest: &'a RunManifest,
+    publisher: &'a mut P,
+    recording: Recording<'a, R>,
+    conductor: &'a mut C,
+    state: ChainState,
+    /// The number of the frame that is to be looked at next, and of the first one.
+    number: u64,
+    first: u64,
+    /// The step of that frame.
+    next: u64,
+    /// True if that frame has not been seen before.
+    fresh: bool,
+    /// The last frame, if there are steps between frames, after which it is gone.
+    last_published: Option<ChainState>,
+}
+
+impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C> {
+    fn new(job: Job<'a, P, R, C>, state: ChainState, fresh: bool) -> Self {
+        let Job { manifest, publisher, recorder, conductor } = job;
+        let number = manifest.frame_at(state.step);
+        let last_frame = (!fresh && manifest.is_recorded(state.step)).then_some(number);
+        Self {
+            manifest,
+            publisher,
+            recording: Recording { recorder, count: 0, last_frame },
+            conductor,
+            number,
+            first: if fresh { number } else { number + 1 },
+            next: state.step,
+            fresh,
+            last_published: (manifest.provenance.publish_every_steps > 1).then(|| state.clone()),
+            state,
+        }
+    }
+
+    /// True if the state that has been reached is to be looked at.
+    fn is_there(&self) -> bool {
+        self.state.step == self.next
+    }
+
+    /// Steps to the next state that is to be looked at.
+    fn steps_to_next(&self) -> u64 {
+        self.next - self.state.step
+    }
+
+    /// True if the conductor ends the run between frames.
+    fn is_stopped(&mut self) -> bool {
+        self.conductor.between_steps(self.publisher).is_break()
+    }
+
+    /// Has all look at the state that has been reached; gives the outcome if the run ends there.
+    fn look(
+        &mut self,
+        active: Option<Active>,
+    ) -> Result<ControlFlow<RunOutcome>, RunError<P::Error, R::Error>> {
+        let Self { manifest, publisher, recording, conductor, state, number, .. } = self;
+        let frame = Frame { active, ..state.as_frame(manifest, *number) };
         let mut go_on = ControlFlow::Continue(());
-        if fresh {
+        if self.fresh {
             match publisher.accept(&frame) {
                 Ok(()) => {}
                 Err(error) if conductor.is_stop(&error) => {
                     // some consumers may have got it
                     recording.take(&frame)?;
-                    break (EndReason::Interrupted, number);
+                    return Ok(ControlFlow::Break(self.outcome(EndReason::Interrupted, self.number)));
                 }
-                Err(source) => return Err(RunError::Publish { frame: number, source }),
+                Err(source) => return Err(RunError::Publish { frame: *number, source }),
             }
             if manifest.is_recorded(frame.step) {
                 recording.take(&frame)?;
             }
             go_on = conductor.after_frame(&frame, publisher, recording.recorder.as_deref_mut());
         }
-        fresh = true;
+        self.fresh = true;
         if state.step == manifest.physics.step_count {
-            break (EndReason::Complete, number + 1);
+            return Ok(ControlFlow::Break(self.outcome(EndReason::Complete, self.number + 1)));
         }
         if go_on.is_break() {
             recording.take(&frame)?;
-            break (EndReason::Interrupted, number + 1);
+            return Ok(ControlFlow::Break(self.outcome(EndReason::Interrupted, self.number + 1)));
         }
-        if let Some(last) = &mut last_published {
+        if let Some(last) = &mut self.last_published {
             last.copy_from(&frame);
         }
-        let next = manifest.step_of_frame(number + 1);
-        let advanced =
-            advance(&mut integrator, &mut growth, &mut state, next, || conductor.between_steps(publisher));
-        if advanced?.is_break() {
-            // there are steps between frames, so there is a copy
-            state = last_published.unwrap_or(state);
-            recording.take(&state.as_frame(manifest, number))?;
-            break (EndReason::Interrupted, number + 1);
+        self.number += 1;
+        self.next = manifest.step_of_frame(self.number);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Ends with the frame before the state that has been reached.
+    fn give_up(&mut self) -> Ended<P, R> {
+        // there are steps between frames, so there is a copy
+        self.state = self.last_published.take().unwrap_or_else(|| self.state.clone());
+        self.recording.take(&self.state.as_frame(self.manifest, self.number - 1))?;
+        Ok(self.outcome(EndReason::Interrupted, self.number))
+    }
+
+    /// Refuses the state that has been reached if bead `found` is not finite.
+    fn check(&self, found: Option<usize>) -> Result<(), RunError<P::Error, R::Error>> {
+        let Some(bead) = found else { return Ok(()) };
+        let (u_m, v_m_s) = (self.state.u_m[bead], self.state.v_m_s[bead]);
+        Err(RunError::NonFinite { step: self.state.step, bead, u_m, v_m_s })
+    }
+
+    /// Makes the rest of the run.
+    fn finish(&mut self, integrator: &mut Integrator, growth: &mut Option<Growth>) -> Ended<P, R> {
+        loop {
+            if self.is_there() {
+                self.check(integrator.first_non_finite(&self.state))?;
+                if let ControlFlow::Break(outcome) = self.look(integrator.active(&self.state))? {
+                    return Ok(outcome);
+                }
+            } else if self.is_stopped() {
+                return self.give_up();
+            }
+            let watched = growth.as_ref().map_or(self.next, |growth| growth.next_before(self.next));
+            integrator.advance(&mut self.state, watched);
+            if let Some(growth) = growth {
+                growth.look(&self.state);
+            }
         }
-        number += 1;
-    };
-    Ok(RunOutcome {
-        reason,
-        published_count: end - first,
-        recorded_count: recording.count,
-        last_step: state.step,
-        relative_drift: drift(&manifest.physics, &state),
-        lost: growth.and_then(|growth| growth.lost()),
-    })
+    }
+
+    /// The outcome of frames up to number `end`, and of the present state.
+    fn outcome(&self, reason: EndReason, end: u64) -> RunOutcome {
+        RunOutcome {
+            reason,
+            published_count: end - self.first,
+            recorded_count: self.recording.count,
+            last_step: self.state.step,
+            relative_drift: drift(&self.manifest.physics, &self.state),
+            lost: None,
+        }
+    }
 }
 
 /// ΔE/E of `state`.
@@ -205,7 +312,7 @@ struct Recording<'a, R> {
 
 impl<R: FrameSink> Recording<'_, R> {
     /// Records `frame` unless it was the last one recorded.
-    fn take<P: std::error::Error>(&mut self, frame: &Frame<'_>) -> Result<(), RunError<P, R::Error>> {
+    fn take<P: Error>(&mut self, frame: &Frame<'_>) -> Result<(), RunError<P, R::Error>> {
         let Some(recorder) = self.recorder.as_deref_mut() else { return Ok(()) };
         if self.last_frame == Some(frame.frame) {
             return Ok(());
@@ -214,32 +321,6 @@ impl<R: FrameSink> Recording<'_, R> {
         self.count += 1;
         self.last_frame = Some(frame.frame);
         Ok(())
-    }
-}
-
-/// Advances `state` to `step`; on the way `between` decides to go on or to end.
-fn advance<P: std::error::Error, R: std::error::Error>(
-    integrator: &mut Integrator,
-    growth: &mut Option<Growth>,
-    state: &mut ChainState,
-    step: u64,
-    mut between: impl FnMut() -> ControlFlow<()>,
-) -> Result<ControlFlow<()>, RunError<P, R>> {
-    while state.step < step {
-        integrator.advance(state, growth.as_ref().map_or(step, |growth| growth.next_before(step)));
-        if let Some(growth) = growth {
-            growth.look(state);
-        }
-        if state.step < step && between().is_break() {
-            return Ok(ControlFlow::Break(()));
-        }
-    }
-    match integrator.first_non_finite(state) {
-        None => Ok(ControlFlow::Continue(())),
-        Some(bead) => {
-            let (u_m, v_m_s) = (state.u_m[bead], state.v_m_s[bead]);
-            Err(RunError::NonFinite { step: state.step, bead, u_m, v_m_s })
-        }
     }
 }
 

@@ -4,9 +4,10 @@ use crate::errors::Why;
 use crate::own;
 use crate::patience::{LOOK, abandonable, detached};
 use consumers::table::{Cell, Kind};
-use experiments::pool::{NoThread, Told, share};
-use experiments::row::{self, At, Signals};
+use experiments::pool::{NoThread, Told, share_batches};
+use experiments::row::{self, Asked, At, Signals};
 use experiments::{ERROR_COLUMN, columns};
+use producer::integrator::Lanes;
 use producer::sweep::{ParameterValue, SweepError};
 use pyo3::IntoPyObjectExt as _;
 use pyo3::exceptions::PyIndexError;
@@ -127,13 +128,19 @@ impl Sweep {
         let mut rows: Vec<Option<Vec<Cell>>> = vec![None; indices.len()];
         detached(py, || {
             let stop = &AtomicBool::new(false);
-            let compute = |_, job: usize| -> Result<_, Why> {
-                let signals = Signals { stop, at: &At::default() };
-                row::compute(&self.sweep, indices[job], beadline::origin(), None, &signals)
+            let at = At::default();
+            let compute = |_, batch: &[usize]| -> Result<_, Why> {
+                let asked = batch.iter().map(|job| {
+                    let signals = Signals { stop, at: &at };
+                    Asked { index: indices[*job], recording: None, signals }
+                });
+                row::compute(&self.sweep, &asked.collect::<Vec<_>>(), &beadline::origin())
             };
+            let jobs = jobs.min(indices.len()).max(1);
+            let most = Lanes::most().min(indices.len().div_ceil(jobs)).max(1);
             let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
             // what is heard is heard in the thread that Python called, at least every 100 ms
-            let shared = share(0..indices.len(), jobs.min(indices.len()), stop, compute, |told| {
+            let shared = share_batches(0..indices.len(), (jobs, most), stop, compute, |told| {
                 match told {
                     Told::Done(job, row) => (rows[job], done) = (Some(row), done + 1),
                     Told::Broken(_) => done += 1,

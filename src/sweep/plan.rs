@@ -8,7 +8,7 @@ use anyhow::{Context as _, anyhow};
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table};
 use experiments::columns;
-use experiments::row::{self, At, Signals};
+use experiments::row::{self, Asked, At, Signals};
 use producer::sweep::{MAX_POINTS, Sweep};
 use serde::Serialize;
 use std::fs;
@@ -247,8 +247,8 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
             let index = (u128::from(place) * u128::from(sweep.point_count())) >> 32;
             let index = u64::try_from(index).unwrap_or(0); // below the number of points
             let (start, at) = (Instant::now(), At::default());
-            let row =
-                row::compute::<Failure>(sweep, index, origin(), None, &Signals { stop: over, at: &at })?;
+            let asked = Asked { index, recording: None, signals: Signals { stop: over, at: &at } };
+            let row = row::compute::<Failure>(sweep, &[asked], &origin())?.pop().flatten();
             let wall_s = start.elapsed().as_secs_f64();
             if let Some(cells) = row {
                 tried.times_s.push(wall_s);

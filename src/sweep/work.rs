@@ -12,9 +12,10 @@ use crate::progress::REFRESH;
 use consumers::journal::{Entry, Journal};
 use consumers::table::Cell;
 use experiments::ERROR_COLUMN;
-use experiments::pool::{Told, share};
-use experiments::row::{self, At, Signals};
+use experiments::pool::{Told, share_batches};
+use experiments::row::{self, Asked, At, Signals};
 use indicatif::ProgressBar;
+use producer::integrator::Lanes;
 use producer::sweep::{Sweep, Until};
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -73,25 +74,36 @@ pub(super) fn work(
 ) -> Result<Tally, Failure> {
     let points = usize::try_from(guess.count).unwrap_or(usize::MAX);
     let threads = options.threads.min(points).clamp(1, MAX_WORKERS);
-    let at: Vec<At> = (0..threads).map(|_| At::default()).collect();
+    // chains beside each other end later than one would alone: no worker is to wait for another
+    let most = Lanes::most().min(points.div_ceil(threads)).max(1);
+    let at: Vec<At> = (0..threads * most).map(|_| At::default()).collect();
     let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
-    let compute = |worker: usize, index: u64| -> Result<Option<Computed>, Failure> {
-        let at = &at[worker];
+    let compute = |worker: usize, batch: &[u64]| -> Result<Vec<Option<Computed>>, Failure> {
         let start = Instant::now();
-        let recording = options.record.then(|| directory.recording(index));
-        let signals = Signals { stop, at };
-        let row = row::compute::<Failure>(sweep, index, origin(), recording.as_deref(), &signals)?;
-        let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
-        let Some(cells) = row else { return Ok(None) };
-        let failed = error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
-        journal.append(&Entry { index, wall_s: start.elapsed().as_secs_f64(), cells })?;
-        let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
-        Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
+        let asked: Vec<_> = batch
+            .iter()
+            .zip(&at[worker * most..])
+            .map(|(index, at)| {
+                let recording = options.record.then(|| directory.recording(*index));
+                Asked { index: *index, recording, signals: Signals { stop, at } }
+            })
+            .collect();
+        let rows = row::compute::<Failure>(sweep, &asked, &origin())?;
+        let wall_s = start.elapsed().as_secs_f64() / batch.len() as f64;
+        let computed = asked.into_iter().zip(rows).map(|(Asked { index, signals: Signals { at, .. }, .. }, row)| {
+            let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
+            let Some(cells) = row else { return Ok(None) };
+            let failed = error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
+            journal.append(&Entry { index, wall_s, cells })?;
+            let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
+            Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
+        });
+        computed.collect()
     };
     let mut progress = Overview::new(sweep, guess, &at);
     let mut tally = Tally::default();
     let mut synced = Ok(());
-    let shared = share(pending.indices(), threads, stop, compute, |told| {
+    let shared = share_batches(pending.indices(), (threads, most), stop, compute, |told| {
         match told {
             Told::Done(index, computed) => {
                 tally.computed += 1;

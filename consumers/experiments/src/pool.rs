@@ -39,22 +39,50 @@ pub fn share<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
     threads: usize,
     stop: &AtomicBool,
     work: impl Fn(usize, J) -> Result<Option<T>, E> + Sync,
+    hear: impl FnMut(Told<J, T>),
+) -> Result<(), E> {
+    let work = |worker: usize, jobs: &[J]| work(worker, jobs[0]).map(|done| vec![done]);
+    share_batches(jobs, (threads, 1), stop, work, hear)
+}
+
+/// Like [`share`], with up to `most` jobs at a time for each of the `threads`: `work` gives what each of them gives.
+///
+/// # Errors
+/// As [`share`].
+pub fn share_batches<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
+    jobs: impl Iterator<Item = J> + Send,
+    (threads, most): (usize, usize),
+    stop: &AtomicBool,
+    work: impl Fn(usize, &[J]) -> Result<Vec<Option<T>>, E> + Sync,
     mut hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
     let jobs = Mutex::new(jobs);
     let take = |worker: usize, tell: &Sender<Result<Told<J, T>, E>>| {
+        // a bug in one job is no reason to lose the others
+        let attempt = |batch: &[J]| catch_unwind(AssertUnwindSafe(|| work(worker, batch)));
         while !stop.load(Ordering::Relaxed) {
-            let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
-            let Some(job) = next else { return };
-            // a bug in one job is no reason to lose the others
-            let message = match catch_unwind(AssertUnwindSafe(|| work(worker, job))) {
-                Ok(Ok(Some(done))) => Ok(Told::Done(job, done)),
-                Ok(Ok(None)) => return,
-                Ok(Err(error)) => Err(error),
-                Err(_) => Ok(Told::Broken(job)),
-            };
-            if tell.send(message).is_err() {
+            let mut jobs = jobs.lock().unwrap_or_else(PoisonError::into_inner);
+            let batch: Vec<J> = jobs.by_ref().take(most).collect();
+            drop(jobs);
+            if batch.is_empty() {
                 return;
+            }
+            let attempts = match attempt(&batch) {
+                Err(_) if batch.len() > 1 => batch.chunks(1).map(|job| (job, attempt(job))).collect(),
+                ended => vec![(&batch[..], ended)],
+            };
+            for (jobs, ended) in attempts {
+                let news: Vec<_> = match ended {
+                    Ok(Ok(all)) => {
+                        let done = jobs.iter().zip(all);
+                        done.filter_map(|(job, done)| Some(Ok(Told::Done(*job, done?)))).collect()
+                    }
+                    Ok(Err(error)) => vec![Err(error)],
+                    Err(_) => vec![Ok(Told::Broken(jobs[0]))],
+                };
+                if news.into_iter().any(|news| tell.send(news).is_err()) {
+                    return;
+                }
             }
         }
     };

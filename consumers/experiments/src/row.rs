@@ -6,7 +6,7 @@ use crate::point::PointAnalyses;
 use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
-use producer::run::{Conductor, RunError, RunOutcome};
+use producer::run::{Conductor, Job, RunError, RunOutcome, run_together};
 use producer::sweep::{ParameterValue, Point, Sweep, Until};
 use recording::hex;
 use recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
@@ -15,7 +15,7 @@ use schemas::frame::{EndReason, Frame};
 use schemas::manifest::{Origin, RunManifest};
 use std::convert::Infallible;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Time, in collision times T, for which the reflected energy must be stationary before it ends a point. It is the
@@ -41,59 +41,117 @@ pub struct At {
     pub step: AtomicU64,
 }
 
-/// Computes point `index` of `sweep`, and records it if there is a path for that. None if it was stopped.
+/// A point to be computed.
+pub struct Asked<'a> {
+    /// Its number.
+    pub index: u64,
+    /// The path of its recording, if it is to have one.
+    pub recording: Option<PathBuf>,
+    /// Messages to and from whoever computes it.
+    pub signals: Signals<'a>,
+}
+
+/// Computes points of `sweep`, those whose chains have a shape in common together, and records those that have a path for that. The row
+/// of each; none of those that were stopped.
 ///
-/// The row depends on the sweep and the index alone. A run that fails or that cannot be has a row, too, which says why.
+/// A row depends on the sweep and the index alone. A run that fails or that cannot be has a row, too, which says why.
 ///
 /// # Errors
-/// When there is no such point, or the recording cannot be written.
-pub fn compute<E>(
-    sweep: &Sweep,
-    index: u64,
-    origin: Origin,
-    recording: Option<&Path>,
-    signals: &Signals<'_>,
-) -> Result<Option<Vec<Cell>>, E>
+/// When there is no such point, or a recording cannot be written.
+pub fn compute<E>(sweep: &Sweep, asked: &[Asked<'_>], origin: &Origin) -> Result<Vec<Option<Vec<Cell>>>, E>
 where
     E: From<ConfigError> + From<RunError<Infallible, WriteError>> + From<WriteError>,
 {
-    let Point { parameters, config, physics, .. } = match sweep.point(index) {
-        Ok(point) => point,
-        Err(error) => return Ok(Some(impossible(sweep, &sweep.parameters_of(index)?, error))),
-    };
-    let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin)?;
-    signals.at.begin(&manifest);
-    let mut analyses = match PointAnalyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
-        Ok(analyses) => analyses,
-        Err((place, message)) => {
-            let key = format!("measure[{place}]");
-            let error = ConfigError { path: None, line: None, key, message };
-            return Ok(Some(impossible(sweep, &parameters, error)));
-        }
-    };
-    let mut recorder = recording.map(|path| record(path, &manifest, sweep, (index, &config))).transpose()?;
-    let mut conduct = Conduct::new(sweep, &manifest, signals);
-    let result = producer::run::run(&manifest, &mut analyses, recorder.as_mut(), &mut conduct);
-    let outcome = match result {
-        Ok(outcome) if outcome.reason == EndReason::Interrupted && conduct.settled.is_none() => {
-            if let Some(recorder) = recorder {
-                recorder.discard();
+    let mut points = asked.iter().map(|asked| Run::of(sweep, asked, origin)).collect::<Result<Vec<_>, E>>()?;
+    let mut outcomes: Vec<_> = asked.iter().map(|_| None).collect();
+    let runs = points.iter_mut().enumerate().filter_map(|(place, run)| Some((place, run.as_mut().ok()?)));
+    let (places, jobs): (Vec<_>, Vec<_>) = runs.map(|(place, run)| (place, run.job())).unzip();
+    run_together(jobs, |number, outcome| outcomes[places[number]] = Some(outcome));
+    let rows = points.into_iter().zip(outcomes).map(|(point, outcome)| match (point, outcome) {
+        (Ok(run), Some(outcome)) => run.row(sweep, outcome),
+        (Ok(_), None) => Ok(None),
+        (Err(row), _) => Ok(Some(row)),
+    });
+    rows.collect()
+}
+
+/// A point that is a run, and all who take part in it.
+struct Run<'a> {
+    manifest: RunManifest,
+    parameters: Vec<Option<ParameterValue>>,
+    analyses: PointAnalyses,
+    recorder: Option<RecordingWriter>,
+    conduct: Conduct<'a>,
+}
+
+impl<'a> Run<'a> {
+    /// The run of a point, or the row of one that is none.
+    fn of<E>(sweep: &Sweep, asked: &'a Asked<'a>, origin: &Origin) -> Result<Result<Self, Vec<Cell>>, E>
+    where
+        E: From<ConfigError> + From<WriteError>,
+    {
+        let (index, signals) = (asked.index, &asked.signals);
+        let Point { parameters, config, physics, .. } = match sweep.point(index) {
+            Ok(point) => point,
+            Err(error) => return Ok(Err(impossible(sweep, &sweep.parameters_of(index)?, error))),
+        };
+        let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin.clone())?;
+        signals.at.begin(&manifest);
+        let analyses = match PointAnalyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
+            Ok(analyses) => analyses,
+            Err((place, message)) => {
+                let key = format!("measure[{place}]");
+                let error = ConfigError { path: None, line: None, key, message };
+                return Ok(Err(impossible(sweep, &parameters, error)));
             }
+        };
+        let recorder = asked.recording.as_deref();
+        let recorder = recorder.map(|path| record(path, &manifest, sweep, (index, &config))).transpose()?;
+        let conduct = Conduct::new(sweep, &manifest, signals);
+        Ok(Ok(Self { manifest, parameters, analyses, recorder, conduct }))
+    }
+
+    fn job(&mut self) -> Job<'_, PointAnalyses, RecordingWriter, Conduct<'a>> {
+        Job {
+            manifest: &self.manifest,
+            publisher: &mut self.analyses,
+            recorder: self.recorder.as_mut(),
+            conductor: &mut self.conduct,
+        }
+    }
+
+    /// The row of the run, which ended with `outcome`; none if it was stopped.
+    fn row<E>(
+        mut self,
+        sweep: &Sweep,
+        outcome: Result<RunOutcome, RunError<Infallible, WriteError>>,
+    ) -> Result<Option<Vec<Cell>>, E>
+    where
+        E: From<RunError<Infallible, WriteError>> + From<WriteError>,
+    {
+        let settled = self.conduct.settled;
+        let outcome = match outcome {
+            Ok(outcome) if outcome.reason == EndReason::Interrupted && settled.is_none() => {
+                if let Some(recorder) = self.recorder {
+                    recorder.discard();
+                }
+                return Ok(None);
+            }
+            Ok(outcome) => Ok(outcome),
+            Err(error @ RunError::NonFinite { .. }) => Err(error.to_string()),
+            Err(error) => return Err(error.into()),
+        };
+        self.analyses.finish();
+        let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
+        self.recorder.map(|recorder| recorder.finish(reason)).transpose()?;
+        let outcome = outcome.map(|outcome| (outcome, settled));
+        let mut results = results(sweep, &self.manifest, &mut self.analyses, &outcome);
+        let (last_step, stop) = (self.analyses.step, self.conduct.signals.stop);
+        if sweep.check() && !determine(&mut results, sweep, &self.manifest, last_step, stop) {
             return Ok(None);
         }
-        Ok(outcome) => Ok(outcome),
-        Err(error @ RunError::NonFinite { .. }) => Err(error.to_string()),
-        Err(error) => return Err(error.into()),
-    };
-    analyses.finish();
-    let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
-    recorder.map(|recorder| recorder.finish(reason)).transpose()?;
-    let mut results =
-        results(sweep, &manifest, &mut analyses, &outcome.map(|outcome| (outcome, conduct.settled)));
-    if sweep.check() && !determine(&mut results, sweep, &manifest, analyses.step, signals.stop) {
-        return Ok(None);
+        Ok(Some(results.cells(&self.parameters)))
     }
-    Ok(Some(results.cells(&parameters)))
 }
 
 /// The row of a point that no run can be.
@@ -274,6 +332,13 @@ mod tests {
         .expect("valid")
     }
 
+    fn row(sweep: &Sweep, index: u64) -> Vec<Cell> {
+        let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
+        let asked = Asked { index, recording: None, signals };
+        let rows = compute::<Box<dyn std::error::Error>>(sweep, &[asked], &origin()).expect("no recording");
+        rows.into_iter().flatten().next().expect("not stopped")
+    }
+
     /// The reflected energy becomes stationary in both chains, but in the shorter a front meets an end 4 T later.
     #[test]
     fn the_end_of_a_point_is_the_condition_that_ended_it() {
@@ -282,10 +347,8 @@ mod tests {
              chain.impurities = [{ bead = 80, mass_kg = 2e-3 }]\n[grid]\n\"chain.beads\" = [100, 240]\n",
         );
         let columns = columns(&sweep);
-        let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
         for (index, end, collision_times) in [(0, "met end", 0.0..10.0), (1, "stationary", 100.0..101.0)] {
-            let row = compute::<Box<dyn std::error::Error>>(&sweep, index, origin(), None, &signals);
-            let cells = row.expect("no recording").expect("not stopped");
+            let cells = row(&sweep, index);
             let cell = |name| columns.iter().zip(&cells).find(|(c, _)| c.name == name).map(|(_, cell)| cell);
             let seconds = |name| match cell(name) {
                 Some(Cell::Double(value)) => *value,
@@ -299,6 +362,37 @@ mod tests {
         }
     }
 
+    /// Chains beside each other have the rows that each has alone: those that end early, that leave the range of doubles, of other
+    /// shapes, with and without a load, and with steps of their own.
+    #[test]
+    fn points_together_have_the_rows_of_points_alone() {
+        let uneven = "until = \"stationary\"\n[base]\npreset = \"homogeneous\"\nchain.beads = 60\n\
+                      chain.impurities = [{ bead = 30, mass_kg = 1e-3 }]\ntime.duration_s = 0.05\n[grid]\n\
+                      \"chain.impurities[0].mass_kg\" = [2e-4, 4e-4, 6e-4, 9e-4, 2e-3, 5e-3, 1e-2, 3e-2]\n";
+        let bursting = "[base]\nchain = { beads = 12, bead_mass_kg = 1e-3, bonds = { linear = 1e5, quadratic = 1e8 } }\n\
+                        ends = { left = \"fixed\", right = \"fixed\" }\ntime.duration_s = 2e-3\n[grid]\n\
+                        \"striker.velocity_m_s\" = [0.1, 0.2, 0.5, 1.0, 30.0, 100.0, 0.7]\n";
+        let shapes = "[base]\npreset = \"homogeneous\"\ntime.duration_s = 3e-3\n[grid]\n\
+                      \"chain.alpha\" = [1.3, 1.5]\n\"chain.beads\" = [20, 21]\n\"load.precompression_n\" = [0, 1, 20]\n\
+                      \"integrator.method\" = [\"rkn4\", \"velocity-verlet\"]\n";
+        let (mut failed, mut settled) = (0, 0);
+        for text in [uneven, bursting, shapes] {
+            let sweep = sweep(text);
+            let (stop, all) = (AtomicBool::new(false), 0..sweep.point_count());
+            let at: Vec<_> = all.clone().map(|_| At::default()).collect();
+            let asked = |index: u64, at| Asked { index, recording: None, signals: Signals { stop: &stop, at } };
+            let together: Vec<_> = all.clone().zip(&at).map(|(index, at)| asked(index, at)).collect();
+            let rows = compute::<Box<dyn std::error::Error>>(&sweep, &together, &origin()).expect("rows");
+            for (index, row) in all.zip(rows) {
+                let row = row.expect("not stopped");
+                assert_eq!(row, self::row(&sweep, index), "point {index} of {text}");
+                failed += usize::from(row.contains(&Cell::Word("failed".into())));
+                settled += usize::from(row.contains(&Cell::Word("stationary".into())));
+            }
+        }
+        assert!(failed == 2 && settled > 1, "{failed} failed, {settled} ended early");
+    }
+
     /// A sweep starts before it has checked every point. A point that cannot run gets a row with the reason, wherever the
     /// sweep file lies.
     #[test]
@@ -308,9 +402,7 @@ mod tests {
                     \"chain.impurities[0].bead\" = { from = 1, to = 2000, count = 2000 }\n\
                     \"chain.impurities[1].bead\" = { from = 2, to = 2001, count = 2000 }\n";
         let sweep = sweep(text);
-        let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
-        let row = compute::<Box<dyn std::error::Error>>(&sweep, 2000, origin(), None, &signals);
-        let cells = row.expect("a row").expect("not stopped");
+        let cells = row(&sweep, 2000);
         let columns = columns(&sweep);
         assert_eq!(cells.len(), columns.len());
         let place = columns.iter().position(|column| column.name == ERROR_COLUMN).expect("a column");

@@ -12,6 +12,7 @@ use crate::pieces::Knots;
 use crate::state::ChainState;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
+use schemas::method::Method;
 use schemas::rows::Rows;
 use std::ops::Range;
 
@@ -47,18 +48,26 @@ pub(crate) const RKN4: Stages =
     Stages { kick_drift: &[(B1, A1), (B2, A2), (B3, A3), (B4, A3), (B3, A2), (B2, A1)], last_kick: B1 };
 
 impl Stages {
+    /// The stages of a method of kicks and drifts.
+    pub(crate) fn of(method: Method) -> Option<Self> {
+        match method {
+            Method::VelocityVerlet => Some(VELOCITY_VERLET),
+            Method::Rkn4 => Some(RKN4),
+            Method::Gear5 | Method::Rk5 => None,
+        }
+    }
+
     /// Passes that a step adds to those before it: its first kick shares one with the last kick of the step before.
     fn passes_per_step(&self) -> u64 {
         self.kick_drift.len() as u64
     }
 
     /// The passes of a sweep that makes `steps` steps of `dt_s`.
-    fn passes(&self, dt_s: f64, steps: u64) -> Vec<Pass> {
-        let last_kick_s = PerLane::same(self.last_kick * dt_s);
+    fn passes(&self, dt_s: PerLane, steps: u64) -> Vec<Pass> {
         let mut passes = Vec::new();
         for step in 0..steps {
             for (stage, (b, a)) in self.kick_drift.iter().enumerate() {
-                let (kick_s, drift_s) = (PerLane::same(b * dt_s), PerLane::same(a * dt_s));
+                let (kick_s, drift_s) = (dt_s * *b, dt_s * *a);
                 passes.push(if step > 0 && stage == 0 {
                     Pass::StageAfterKick { kick_s, drift_s }
                 } else {
@@ -66,27 +75,27 @@ impl Stages {
                 });
             }
         }
-        passes.push(Pass::Kick { kick_s: last_kick_s });
+        passes.push(Pass::Kick { kick_s: dt_s * self.last_kick });
         passes
     }
 }
 
-/// Advances the states of one chain by kicks and drifts.
+/// Advances the states of one chain, or of some beside each other, by kicks and drifts.
 #[derive(Debug, Clone)]
 pub(crate) struct Splitting {
     kernel: Kernel,
     stages: Stages,
-    dt_s: f64,
+    dt_s: PerLane,
     /// The passes of a sweep of `steps_together` steps.
     passes: Vec<Pass>,
     steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
-    /// Drives and other forces on beads, if there is more than contacts and walls that stand still.
+    /// Drives and resonators, if there is more than contacts, springs and walls that stand still.
     others: Option<Others>,
 }
 
-/// Drives, and forces on beads beside their contacts.
+/// Drives and resonators.
 #[derive(Debug, Clone)]
 struct Others {
     rows: Rows,
@@ -105,16 +114,19 @@ struct Others {
     moments: Vec<Now>,
     /// Net forces (N) of a kick.
     net_n: Vec<f64>,
+    /// `1/m` (1/kg) of the resonator of each bead, 0 where there is none.
+    inverse_resonator: Vec<f64>,
 }
 
 impl Splitting {
     /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
     pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
         let drives = Drives::of(&physics.drives, physics.dt_s);
-        let others = (drives.is_some() || !kernel.sites().is_none()).then(|| Others {
+        let resonators = kernel.sites().has_resonators();
+        let others = (drives.is_some() || resonators).then(|| Others {
             rows: physics.rows(),
             mass_kg: chain.mass_kg.clone(),
-            is_at_walls: kernel.sites().is_none() && drives.as_ref().is_some_and(Drives::are_at_walls),
+            is_at_walls: !resonators && drives.as_ref().is_some_and(Drives::are_at_walls),
             drives,
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
@@ -122,9 +134,23 @@ impl Splitting {
             before_kick: Vec::new(),
             moments: Vec::new(),
             net_n: vec![0.0; chain.bead_count()],
+            inverse_resonator: {
+                let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
+                chain.sites.resonator_kg.iter().map(inverse).collect()
+            },
         });
-        let dt_s = physics.dt_s;
-        Self { kernel, stages, dt_s, passes: Vec::new(), steps_together: 0, forces_of_step: None, others }
+        Self { others, ..Self::without_drives(stages, PerLane::same(physics.dt_s), kernel) }
+    }
+
+    /// Makes steps of `dt_s` by `stages`, with the forces of `kernel` and no others.
+    pub(crate) fn without_drives(stages: Stages, dt_s: PerLane, kernel: Kernel) -> Self {
+        let (passes, others) = (Vec::new(), None);
+        Self { kernel, stages, dt_s, passes, steps_together: 0, forces_of_step: None, others }
+    }
+
+    /// The step (s) of the only chain.
+    fn dt_s(&self) -> f64 {
+        self.dt_s.0[0]
     }
 
     /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.

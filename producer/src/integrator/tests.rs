@@ -140,7 +140,7 @@ fn every_kind_and_length_has_the_bits_of_the_definition() {
     let mut archs = vec![Arch::Scalar, Arch::new()];
     #[cfg(target_arch = "x86_64")]
     archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
-    let mut tried = 0;
+    let (mut tried, mut in_lanes) = (0, 0);
     for beads in [2, 3, 7, 8, 9, 14, 15, 16, 17, 31, 32, 33, 47, 48, 63, 64, 65] {
         for method in Method::ALL {
             for alpha in [1.5, 1.3] {
@@ -175,12 +175,50 @@ fn every_kind_and_length_has_the_bits_of_the_definition() {
                         let what = format!("{beads} beads, {method}, α = {alpha}, {name}, {arch:?}");
                         assert_eq!(bits(&state), bits(&naive), "{what}");
                         assert_eq!(bits(&together), bits(&naive), "{what}, together");
+                        in_lanes += usize::from(lanes_have_the_bits_of(&config, &start, *arch, &what));
                     }
                 }
             }
         }
     }
-    assert!(tried > 800, "{tried} chains");
+    assert!(tried > 800 && in_lanes > 1000, "{tried} chains, {in_lanes} times beside others");
+}
+
+/// Chains like that of `config`, each with its own masses, forces, step and motion, have the bits beside each other that each has alone.
+/// False if such a chain is computed alone.
+fn lanes_have_the_bits_of(config: &RunConfig, start: &ChainState, arch: Arch, what: &str) -> bool {
+    let unlike = |lane: usize| {
+        let (mut config, part) = (config.clone(), 1.0 + 0.1 * lane as f64);
+        config.chain.masses = MassRule::PatternKg(vec![1e-3 * part, 1e-3]);
+        config.time.dt_s = Some(1e-7 * part);
+        config.load.precompression_n *= part;
+        let physics = Physics::resolve(&config).expect("valid");
+        let (mut state, steps) = (start.clone(), 20 - lane as u64);
+        state.u_m.iter_mut().for_each(|u| *u *= part);
+        state.v_m_s[lane % start.v_m_s.len()] = -0.0;
+        (physics, state, steps)
+    };
+    // one lane is left empty
+    let chains: Vec<_> = (0..crate::kernel::lanes(arch) - 1).map(unlike).collect();
+    let shapes: Vec<_> = chains.iter().filter_map(|(physics, ..)| Shape::of(physics)).collect();
+    if shapes.is_empty() {
+        return false;
+    }
+    assert!(shapes.iter().all(|shape| shape.is_like(&shapes[0])), "{what}");
+    let together = shapes.iter().zip(&chains).map(|(shape, (physics, state, _))| (shape, physics.dt_s, state));
+    let mut lanes = Lanes::of(together, arch);
+    let mut made = 0;
+    for (lane, (physics, state, steps)) in chains.iter().enumerate().rev() {
+        while made < *steps {
+            made += lanes.advance(steps - made);
+        }
+        let (mut found, mut alone) = (state.clone(), state.clone());
+        lanes.copy_to(lane, &mut found);
+        let mut integrator = Integrator::with_arch(physics, arch);
+        (0..*steps).for_each(|_| integrator.step(&mut alone));
+        assert_eq!(bits(&found), bits(&alone), "{what}, lane {lane}");
+    }
+    true
 }
 
 /// In a chain of many tiles, shocks here and there, of which the first ones cross the borders of tiles, beads that move

@@ -5,10 +5,11 @@ use aligned_vec::{AVec, CACHELINE_ALIGN};
 use schemas::term::{Spring, TermLaw};
 
 /// Numbers of beads and contacts that never change, in groups: of each group `1/m` (1/kg) of its beads, the stiffnesses of the contacts on
-/// their left, in loaded chains their overlaps (m) and forces (N) at rest, and their stiffnesses in each term.
+/// their left, in loaded chains their overlaps (m) and forces (N) at rest, their stiffnesses in each term, and the constants of the springs
+/// that hold the beads.
 #[derive(Debug, Clone)]
 pub(super) struct Constants {
-    /// A sum of the numbers below.
+    /// One of the numbers below, or a sum of those of springs.
     pub(super) kind: u8,
     /// True if a contact has a stiffness of the law.
     pub(super) has_law: bool,
@@ -16,17 +17,29 @@ pub(super) struct Constants {
     pub(super) rows: usize,
     pub(super) numbers: AVec<f64>,
     pub(super) terms: Vec<TermLaw>,
+    pub(super) springs: Springs,
 }
 
-/// Contacts, and which of their parts there are.
+/// Springs that hold each bead at its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Springs {
+    None,
+    Linear,
+    /// Linear and cubic ones.
+    Cubic,
+}
+
+/// Contacts that are no more than a power of the overlap.
+pub(super) const BARE: u8 = 0;
+/// The same, with overlaps and forces at rest.
 pub(super) const LOADED: u8 = 1;
-/// Terms of any kind; the rows of loaded chains are there, too.
-pub(super) const TERMS: u8 = 2;
-/// Springs, in this order, and no other force.
+/// Bonds that are springs, in this order, and no other force.
 pub(super) const SPRINGS: u8 = LINEAR | QUADRATIC | CUBIC;
-pub(super) const LINEAR: u8 = 4;
-pub(super) const QUADRATIC: u8 = 8;
-pub(super) const CUBIC: u8 = 16;
+pub(super) const LINEAR: u8 = 2;
+pub(super) const QUADRATIC: u8 = 4;
+pub(super) const CUBIC: u8 = 8;
+/// Chains of any kind, with overlaps and forces at rest, terms, and springs that hold the beads.
+pub(super) const ANY: u8 = 16;
 
 /// The contacts of a chain, and `1/m` (1/kg) of its beads, each in an array of whole groups.
 #[derive(Clone, Copy)]
@@ -36,40 +49,54 @@ pub(super) struct Contacts<'a> {
     /// Overlaps (m) and forces (N) at rest.
     pub(super) rest: [&'a [f64]; 2],
     pub(super) terms: &'a [(TermLaw, AVec<f64>)],
+    /// Linear (N/m) and cubic (N/m³) constants of the springs that hold the beads.
+    pub(super) springs: (Springs, [&'a [f64]; 2]),
 }
 
 impl Constants {
     pub(super) fn of(contacts: Contacts<'_>) -> Self {
-        let Contacts { inverse_mass, stiffness, rest, terms } = contacts;
+        let Contacts { inverse_mass, stiffness, rest, terms, springs: (springs, of_springs) } = contacts;
         let has = |numbers: &[f64]| numbers.iter().any(|x| *x != 0.0);
-        let (has_law, loaded) = (has(stiffness), if rest.map(has) == [false; 2] { 0 } else { LOADED });
-        let springs: Option<Vec<_>> = terms
+        let (has_law, is_loaded) = (has(stiffness), rest.map(has) != [false; 2]);
+        let bonds: Option<Vec<_>> = terms
             .iter()
             .map(|(law, _)| if let TermLaw::Spring(Spring(n)) = law { Some(*n) } else { None })
             .collect();
-        let kind = loaded
-            | match springs.as_deref() {
-                Some([]) => 0,
-                Some([1]) if !has_law => LINEAR,
-                Some([1, 2]) if !has_law => LINEAR | QUADRATIC,
-                Some([1, 3]) if !has_law => LINEAR | CUBIC,
-                Some([1, 2, 3]) if !has_law => LINEAR | QUADRATIC | CUBIC,
-                _ => TERMS | LOADED,
-            };
-        let rest = if kind & LOADED == 0 { &[][..] } else { &rest };
+        let kind = match bonds.as_deref() {
+            Some([]) if springs == Springs::None => if is_loaded { LOADED } else { BARE },
+            _ if is_loaded || springs != Springs::None => ANY,
+            Some([1]) if !has_law => LINEAR,
+            Some([1, 2]) if !has_law => LINEAR | QUADRATIC,
+            Some([1, 3]) if !has_law => LINEAR | CUBIC,
+            Some([1, 2, 3]) if !has_law => SPRINGS,
+            _ => ANY,
+        };
+        let rest = if has_rest(kind) { &rest[..] } else { &[] };
         let of_terms = terms.iter().map(|(_, stiffness)| &stiffness[..]);
-        let rows: Vec<_> = [inverse_mass, stiffness].iter().chain(rest).copied().chain(of_terms).collect();
+        let of_springs = if springs == Springs::None { &[][..] } else { &of_springs };
+        let of_contacts = [inverse_mass, stiffness];
+        let rows = of_contacts.iter().chain(rest).copied().chain(of_terms).chain(of_springs.iter().copied());
+        let rows: Vec<_> = rows.collect();
         let of_group = |start: usize| rows.iter().flat_map(move |row| &row[start..start + GROUP]);
         let numbers = (0..inverse_mass.len()).step_by(GROUP).flat_map(of_group).copied();
         let numbers = AVec::from_iter(CACHELINE_ALIGN, numbers);
         let terms = terms.iter().map(|(law, _)| law.clone()).collect();
-        Self { kind, has_law, rows: rows.len(), numbers, terms }
+        Self { kind, has_law, rows: rows.len(), numbers, terms, springs }
     }
+}
+
+/// True if there are overlaps and forces at rest among the constants.
+pub(super) const fn has_rest(kind: u8) -> bool {
+    kind == LOADED || kind == ANY
+}
+
+/// Numbers of a bead before those of its terms.
+pub(super) const fn before_terms(kind: u8) -> usize {
+    if has_rest(kind) { 4 } else { 2 }
 }
 
 /// Numbers of a bead among the constants.
 #[inline(always)]
-pub(super) fn rows<const KIND: u8>(terms: &[TermLaw]) -> usize {
-    let rest = if KIND & LOADED == 0 { 0 } else { 2 };
-    if KIND & (SPRINGS | TERMS) == 0 { 2 + rest } else { 2 + rest + terms.len() }
+pub(super) fn rows<const KIND: u8>(constants: &Constants) -> usize {
+    if KIND == BARE || KIND == LOADED { before_terms(KIND) } else { constants.rows }
 }

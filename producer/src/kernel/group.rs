@@ -1,6 +1,6 @@
 //! A group of beads in registers: moved, and their contacts evaluated.
 
-use super::constants::{CUBIC, LINEAR, LOADED, QUADRATIC, SPRINGS, TERMS, rows};
+use super::constants::{ANY, BARE, CUBIC, LINEAR, QUADRATIC, SPRINGS, Springs, before_terms, has_rest};
 use super::layout::{COUNTED, GROUP, Layout};
 use pulp::Simd;
 use schemas::contact::Power;
@@ -39,6 +39,16 @@ pub(super) struct Beads<'a> {
     pub(super) presses: &'a mut [bool],
 }
 
+/// The laws of the forces on beads.
+#[derive(Clone, Copy)]
+pub(super) struct Laws<'a, P, V> {
+    pub(super) power: P,
+    /// The overlap (m) from which on contacts press.
+    pub(super) zero_up_to_m: V,
+    pub(super) terms: &'a [TermLaw],
+    pub(super) springs: Springs,
+}
+
 /// Overlaps (m) of the contacts of a group, and those that count for a power: 0 in open ones.
 struct Overlaps<V> {
     all: Group<GROUP>,
@@ -51,46 +61,46 @@ impl Beads<'_> {
     /// Moves them, and evaluates the contacts on their left. `before` is the register before
     /// them; gives their last one. At an end of the chain it is told the number at which they begin, and the neighbours there.
     #[inline(always)]
-    pub(super) fn step<S: Simd, P: Power, L: Layout, const KIND: u8, const AT_END: bool>(
+    pub(super) fn step<S: Simd, P: Power, L: Layout, const KIND: u8>(
         mut self,
         simd: S,
-        (power, zero_up_to_m, terms): (P, S::f64s, &[TermLaw]),
+        laws: Laws<'_, P, S::f64s>,
         motion: Motion<S::f64s>,
         mut before: S::f64s,
-        place: (usize, Neighbours<S::f64s>),
+        place: Option<(usize, Neighbours<S::f64s>)>,
     ) -> S::f64s {
         // Without a force a kick adds zero, which changes no velocity: none is `-0`, see `Splitting::advance`.
-        let is_pushed = motion.kicks > 0 && (KIND != 0 || self.presses[0] | self.presses[1]);
+        let is_pushed = motion.kicks > 0 && (KIND != BARE || self.presses[0] | self.presses[1]);
         let none = simd.splat_f64s(0.0);
         let mut overlaps = Overlaps { all: Group([0.0; GROUP]), closed: Group([0.0; GROUP]), most: none };
         for at in (0..GROUP).step_by(S::F64_LANES) {
-            let right = self.moved::<S, L>(simd, motion, is_pushed, at);
+            let right = self.moved::<S, L, KIND>(simd, motion, laws.springs, is_pushed, at);
             let left = L::left(simd, before, right);
             before = right;
-            let mut overlap = if AT_END {
-                let (left, right) = at_end::<S, L>(simd, place, at, left, right);
-                simd.sub_f64s(left, right)
-            } else {
-                simd.sub_f64s(left, right)
+            let (left, right) = match place {
+                Some(place) => at_end::<S, L>(simd, place, at, left, right),
+                None => (left, right),
             };
-            if KIND & LOADED != 0 {
+            let mut overlap = simd.sub_f64s(left, right);
+            if has_rest(KIND) {
                 overlap = simd.add_f64s(overlap, load::<S>(&self.constants[2], at));
             }
             store::<S>(overlap, &mut overlaps.all.0, at);
-            let closed = above(simd, overlap, zero_up_to_m);
+            let closed = above(simd, overlap, laws.zero_up_to_m);
             overlaps.most = simd.max_f64s(overlaps.most, closed);
             store::<S>(closed, &mut overlaps.closed.0, at);
         }
-        self.press::<S, P, KIND>(simd, power, terms, &overlaps);
+        self.press::<S, P, KIND>(simd, laws, &overlaps);
         before
     }
 
     /// Moves the beads of the register that begins at number `at`.
     #[inline(always)]
-    fn moved<S: Simd, L: Layout>(
+    fn moved<S: Simd, L: Layout, const KIND: u8>(
         &mut self,
         simd: S,
         motion: Motion<S::f64s>,
+        springs: Springs,
         is_pushed: bool,
         at: usize,
     ) -> S::f64s {
@@ -100,7 +110,7 @@ impl Beads<'_> {
         }
         let mut velocity = load::<S>(self.v, at);
         if is_pushed {
-            let net = net_n::<S, L>(simd, self.force, at);
+            let net = self.net_n::<S, L, KIND>(simd, springs, at);
             velocity = motion.kicked(simd, load::<S>(&self.constants[0], at), net, velocity);
             store::<S>(velocity, self.v, at);
         }
@@ -109,17 +119,33 @@ impl Beads<'_> {
         place
     }
 
+    /// The net force on the beads from number `at` on.
+    #[inline(always)]
+    pub(super) fn net_n<S: Simd, L: Layout, const KIND: u8>(
+        &self,
+        simd: S,
+        springs: Springs,
+        at: usize,
+    ) -> S::f64s {
+        let [left, right] = [load::<S>(self.force, at), load::<S>(self.force, at + L::stride::<S>())];
+        let net = simd.sub_f64s(left, right);
+        if KIND != ANY || springs == Springs::None {
+            return net;
+        }
+        let [.., linear, cubic] = self.constants else { return net };
+        simd.sub_f64s(net, springs.pull(simd, load::<S>(linear, at), load::<S>(cubic, at), load::<S>(self.u, at)))
+    }
+
     /// Writes the forces of the contacts.
     #[inline(always)]
     fn press<S: Simd, P: Power, const KIND: u8>(
         self,
         simd: S,
-        power: P,
-        terms: &[TermLaw],
+        Laws { power, terms, .. }: Laws<'_, P, S::f64s>,
         overlaps: &Overlaps<S::f64s>,
     ) {
         let Beads { force, constants, presses, .. } = self;
-        if KIND == 0 {
+        if KIND == BARE {
             let is_closed = simd.greater_than_f64s(overlaps.most, simd.splat_f64s(0.0));
             let any_closed = simd.first_true_m64s(is_closed) < S::F64_LANES;
             let pressed = std::mem::replace(&mut presses[0], any_closed);
@@ -138,7 +164,7 @@ impl Beads<'_> {
                 store::<S>(found, &mut sum.0, at);
             }
         }
-        let of_terms = &constants[rows::<KIND>(&[])..];
+        let of_terms = &constants[before_terms(KIND)..];
         if KIND & SPRINGS != 0 {
             let springs = [(LINEAR, Spring(1)), (QUADRATIC, Spring(2)), (CUBIC, Spring(3))];
             let mut row = 0;
@@ -149,14 +175,17 @@ impl Beads<'_> {
                 }
             }
         }
-        if KIND & TERMS != 0 {
+        if KIND == ANY && !terms.is_empty() {
+            // copies: what a function may see that is not inlined stays in memory
+            let (all, mut with_terms) = (overlaps.all, sum);
             for (law, stiffness) in terms.iter().zip(of_terms) {
-                law.add_to(simd, stiffness, &overlaps.all, &mut sum);
+                law.add_to(simd, stiffness, &all, &mut with_terms);
             }
+            sum = with_terms;
         }
         for at in (0..GROUP).step_by(S::F64_LANES) {
             let mut found = load::<S>(&sum.0, at);
-            if KIND & LOADED != 0 {
+            if has_rest(KIND) {
                 found = simd.sub_f64s(found, load::<S>(&constants[3], at));
             }
             store::<S>(found, force, at);
@@ -183,10 +212,17 @@ fn at_end<S: Simd, L: Layout>(
     (simd.select_f64s(is_first, right, left), right)
 }
 
-/// The net force on the beads from number `at` on.
-#[inline(always)]
-pub(super) fn net_n<S: Simd, L: Layout>(simd: S, force: &[f64], at: usize) -> S::f64s {
-    simd.sub_f64s(load::<S>(force, at), load::<S>(force, at + L::stride::<S>()))
+impl Springs {
+    /// The force `κ·u`, or `κ·u + κ3·u³`, that pulls beads at `place` back.
+    #[inline(always)]
+    pub(super) fn pull<S: Simd>(self, simd: S, linear: S::f64s, cubic: S::f64s, place: S::f64s) -> S::f64s {
+        let pull = simd.mul_f64s(linear, place);
+        if self == Self::Linear {
+            return pull;
+        }
+        let cube = simd.mul_f64s(simd.mul_f64s(place, place), place);
+        simd.add_f64s(pull, simd.mul_f64s(cubic, cube))
+    }
 }
 
 impl<V: Copy> Motion<V> {

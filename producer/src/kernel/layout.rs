@@ -1,7 +1,8 @@
 //! Places of beads in registers: neighbours along a register, or chains beside each other.
 
-use pulp::Simd;
-use schemas::simd::{LANES, load};
+use pulp::{Arch, Simd, WithSimd};
+use schemas::simd::{LANES, in_vectors, load};
+use std::ops::Mul;
 
 /// Beads that a pass takes together: several registers are on their way at a time.
 pub(super) const GROUP: usize = 16;
@@ -20,6 +21,14 @@ impl PerLane {
     #[inline(always)]
     pub(super) fn load<S: Simd>(&self) -> S::f64s {
         load::<S>(&self.0, 0)
+    }
+}
+
+impl Mul<f64> for PerLane {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self(self.0.map(|number| factor * number))
     }
 }
 
@@ -55,6 +64,41 @@ impl Layout for Along {
     fn before<S: Simd>(simd: S, numbers: &[f64], at: usize) -> S::f64s {
         simd.splat_f64s(numbers[at - 1])
     }
+}
+
+/// Several chains: a register has the same bead of each.
+#[derive(Clone, Copy)]
+pub(super) struct Across;
+
+impl Layout for Across {
+    #[inline(always)]
+    fn stride<S: Simd>() -> usize {
+        S::F64_LANES
+    }
+
+    #[inline(always)]
+    fn left<S: Simd>(_: S, before: S::f64s, _: S::f64s) -> S::f64s {
+        before
+    }
+
+    #[inline(always)]
+    fn before<S: Simd>(_: S, numbers: &[f64], at: usize) -> S::f64s {
+        load::<S>(numbers, at - S::F64_LANES)
+    }
+}
+
+/// Numbers of a register: chains that lie [`Across`].
+pub(crate) fn lanes(arch: Arch) -> usize {
+    struct Count;
+    impl WithSimd for Count {
+        type Output = usize;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> usize {
+            S::F64_LANES
+        }
+    }
+    in_vectors(arch, Count)
 }
 
 /// The numbers from 0 on.

@@ -1,7 +1,7 @@
 //! Contacts of moving beads, with forces of any kind, and the power that they dissipate: for methods with forces that
 //! depend on velocity.
 
-use super::constants::{Constants, Contacts};
+use super::constants::{Constants, Contacts, Springs};
 use super::layout::PerLane;
 use super::sweep::Sweep;
 use super::{Kernel, Pass};
@@ -42,14 +42,15 @@ impl Damped {
         let damping = chain.damping.clone()?;
         let [rest_m, _] = contacts.rest;
         let rest = [rest_m, &vec![0.0; rest_m.len()]];
+        let springs = (Springs::None, contacts.springs.1);
         let ones = vec![1.0; rest_m.len()];
         let raised_by = damping.kind.raised(chain.law.alpha()).unwrap_or_else(|| chain.law.clone());
         Some(Self {
             contacts: damping,
             is_bonded: chain.is_bonded,
             rest_m: AVec::from_slice(CACHELINE_ALIGN, rest_m),
-            elastic_n: Part::of(chain.law.clone(), Contacts { rest, ..contacts }),
-            raised: Part::of(raised_by, Contacts { rest, stiffness: &ones, terms: &[], ..contacts }),
+            elastic_n: Part::of(chain.law.clone(), Contacts { rest, springs, ..contacts }),
+            raised: Part::of(raised_by, Contacts { rest, stiffness: &ones, terms: &[], springs, ..contacts }),
         })
     }
 }
@@ -102,6 +103,7 @@ impl Kernel {
                 tile: with_room(self.count),
                 beads: beads.clone(),
                 count: self.count,
+                width: self.width,
                 u_m: motion.u_m,
                 v_m_s: motion.v_m_s,
                 force: &mut part.found,

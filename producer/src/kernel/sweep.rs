@@ -9,9 +9,9 @@
 //! last forces it needs.
 
 use super::Kernel;
-use super::constants::{CUBIC, Constants, LINEAR, LOADED, QUADRATIC, SPRINGS, TERMS, rows};
-use super::group::{Beads, Motion, Neighbours, net_n};
-use super::layout::{Along, GROUP, Layout, PerLane};
+use super::constants::{ANY, BARE, CUBIC, Constants, LINEAR, LOADED, QUADRATIC, SPRINGS, Springs, rows};
+use super::group::{Beads, Laws, Motion, Neighbours};
+use super::layout::{Across, Along, GROUP, Layout, PerLane};
 use crate::aligned::with_room;
 use pulp::{Simd, WithSimd};
 use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser};
@@ -78,6 +78,7 @@ impl Kernel {
             tile: if self.fits_in_a_tile() { with_room(self.count) } else { self.tile },
             beads: beads.clone(),
             count: self.count,
+            width: self.width,
             u_m,
             v_m_s,
             force: &mut self.force,
@@ -111,10 +112,12 @@ impl Kernel {
 
     /// Widens the window of active beads over the pushed or moving ones among `beads`.
     pub(crate) fn widen(&mut self, beads: &Range<usize>, u_m: &[f64], v_m_s: &[f64]) {
-        let force = &self.force;
-        let is_active = |i: &usize| {
-            let i = *i;
-            force[i] != 0.0 || force[i + 1] != 0.0 || u_m[i].to_bits() != 0 || v_m_s[i].to_bits() != 0
+        let (force, width) = (&self.force, self.width);
+        let is_active = |bead: &usize| {
+            let number = *bead * width;
+            (number..number + width).any(|i| {
+                force[i] != 0.0 || force[i + width] != 0.0 || u_m[i].to_bits() != 0 || v_m_s[i].to_bits() != 0
+            })
         };
         let active = &mut self.activity.beads;
         active.start = (beads.start..active.start).find(is_active).unwrap_or(active.start);
@@ -137,11 +140,12 @@ pub(super) struct Sweep<'a> {
     pub(super) tile: usize,
     /// The beads to sweep over, and the contact on the left of each; behind the last bead of the chain that on its right, too.
     pub(super) beads: Range<usize>,
-    /// Number of beads of the chain.
+    /// Number of beads of a chain.
     pub(super) count: usize,
+    /// This field and the following ones are as in [`Kernel`]. Arrays of numbers are `width` times as long as there are beads.
+    pub(super) width: usize,
     pub(super) u_m: &'a mut [f64],
     pub(super) v_m_s: &'a mut [f64],
-    /// This field and the following ones are as in [`Kernel`].
     pub(super) force: &'a mut [f64],
     pub(super) presses: &'a mut [bool],
     pub(super) constants: &'a Constants,
@@ -177,7 +181,11 @@ impl<S: Simd> PowerUser for In<'_, S> {
     #[inline(always)]
     fn run(mut self, power: impl Power) {
         let simd = self.simd;
-        self.sweep.of_kind::<S, _, Along>(simd, power);
+        if self.sweep.width == 1 {
+            self.sweep.of_kind::<S, _, Along>(simd, power);
+        } else {
+            self.sweep.of_kind::<S, _, Across>(simd, power);
+        }
     }
 }
 
@@ -189,12 +197,12 @@ impl Sweep<'_> {
             ($($power:literal: $($kind:expr),+;)+) => {
                 match self.constants.kind {
                     $($(kind if kind == $kind && P::IS_ANY == $power => self.run::<S, P, L, { $kind }>(simd, power),)+)+
-                    _ => self.run::<S, P, L, { TERMS | LOADED }>(simd, power),
+                    _ => self.run::<S, P, L, ANY>(simd, power),
                 }
             };
         }
         run! {
-            true: 0, LOADED;
+            true: BARE, LOADED;
             false: LINEAR, LINEAR | QUADRATIC, LINEAR | CUBIC, SPRINGS;
         }
     }
@@ -251,36 +259,33 @@ impl Sweep<'_> {
         evaluation: usize,
     ) {
         let stride = L::stride::<S>();
-        let ends = self.neighbours::<S, L>(simd, motion, evaluation);
+        let ends = self.neighbours::<S, L, KIND>(simd, motion, evaluation);
         let mut before = if part.start == 0 { ends.left_m } else { L::before(simd, self.u_m, part.start) };
         let last = ends.behind - ends.behind % GROUP;
-        let (mut start, constants) = (part.start, self.constants);
-        let laws = (power, simd.splat_f64s(self.law.zero_up_to_m()), &constants.terms[..]);
-        while start < part.end {
-            if start == 0 || start == last {
-                let beads = self.group(start);
-                before = beads.step::<S, P, L, KIND, true>(simd, laws, motion, before, (start, ends));
-                start += GROUP;
-                continue;
-            }
-            let end = if last < part.end { last } else { part.end };
-            let (u, v) = (&mut self.u_m[start..end], &mut self.v_m_s[start..end]);
-            let force = &mut self.force[start..end + LANES];
-            let presses = &mut self.presses[start / GROUP..=end / GROUP];
-            let rows = rows::<KIND>(&constants.terms);
-            let constants = constants.numbers[start * rows..end * rows].chunks_exact(rows * GROUP);
-            let groups = u.as_chunks_mut().0.iter_mut().zip(v.as_chunks_mut().0).zip(constants);
-            for (group, ((u, v), constants)) in groups.enumerate() {
-                let beads = Beads {
-                    u,
-                    v,
-                    force: &mut force[group * GROUP..(group + 1) * GROUP + LANES],
-                    constants: constants.as_chunks().0,
-                    presses: if KIND == 0 { &mut presses[group..group + 2] } else { &mut [] },
-                };
-                before = beads.step::<S, P, L, KIND, false>(simd, laws, motion, before, (start, ends));
-            }
-            start = end;
+        let constants = self.constants;
+        let laws = Laws {
+            power,
+            zero_up_to_m: simd.splat_f64s(self.law.zero_up_to_m()),
+            terms: &constants.terms,
+            springs: constants.springs,
+        };
+        let (u, v) = (&mut self.u_m[part.clone()], &mut self.v_m_s[part.clone()]);
+        let force = &mut self.force[part.start..part.end + LANES];
+        let presses = &mut self.presses[part.start / GROUP..=part.end / GROUP];
+        let rows = rows::<KIND>(constants);
+        let constants = constants.numbers[part.start * rows..part.end * rows].chunks_exact(rows * GROUP);
+        let groups = u.as_chunks_mut().0.iter_mut().zip(v.as_chunks_mut().0).zip(constants);
+        for (group, ((u, v), constants)) in groups.enumerate() {
+            let beads = Beads {
+                u,
+                v,
+                force: &mut force[group * GROUP..(group + 1) * GROUP + LANES],
+                constants: constants.as_chunks().0,
+                presses: if KIND == BARE { &mut presses[group..group + 2] } else { &mut [] },
+            };
+            let start = part.start + group * GROUP;
+            let place = (start == 0 || start == last).then_some((start, ends));
+            before = beads.step::<S, P, L, KIND>(simd, laws, motion, before, place);
         }
         let wall = &mut self.wall_forces_n[evaluation];
         if part.start == 0 {
@@ -306,7 +311,7 @@ impl Sweep<'_> {
 
     /// The neighbours of the end beads where this stage ends.
     #[inline(always)]
-    fn neighbours<S: Simd, L: Layout>(
+    fn neighbours<S: Simd, L: Layout, const KIND: u8>(
         &mut self,
         simd: S,
         motion: Motion<S::f64s>,
@@ -319,16 +324,21 @@ impl Sweep<'_> {
             let [left, right] = &self.walls_m[if evaluation < last { evaluation } else { last }];
             return Neighbours { left_m: left.load::<S>(), right_m: right.load::<S>(), are_there, behind };
         }
-        let left_m = self.place_of::<S, L>(simd, motion, self.count - 1);
-        let right_m = self.place_of::<S, L>(simd, motion, 0);
+        let left_m = self.place_of::<S, L, KIND>(simd, motion, self.count - 1);
+        let right_m = self.place_of::<S, L, KIND>(simd, motion, 0);
         Neighbours { left_m, right_m, are_there, behind }
     }
 
     /// The place of `bead` where this stage ends, as its own group will find it.
     #[inline(always)]
-    fn place_of<S: Simd, L: Layout>(&mut self, simd: S, motion: Motion<S::f64s>, bead: usize) -> S::f64s {
+    fn place_of<S: Simd, L: Layout, const KIND: u8>(
+        &mut self,
+        simd: S,
+        motion: Motion<S::f64s>,
+        bead: usize,
+    ) -> S::f64s {
         let stride = L::stride::<S>();
-        let at = bead * stride % GROUP;
+        let (at, springs) = (bead * stride % GROUP, self.constants.springs);
         let Beads { u, v, force, constants, .. } = self.group(bead * stride - at);
         let place = L::before::<S>(simd, u, at + stride);
         if motion.kicks == 0 {
@@ -338,22 +348,31 @@ impl Sweep<'_> {
             [L::before::<S>(simd, force, at + stride), L::before::<S>(simd, force, at + 2 * stride)];
         let inverse_mass = L::before::<S>(simd, &constants[0], at + stride);
         let velocity = L::before::<S>(simd, v, at + stride);
-        let velocity = motion.kicked(simd, inverse_mass, simd.sub_f64s(left_n, right_n), velocity);
+        let mut net = simd.sub_f64s(left_n, right_n);
+        if KIND == ANY && springs != Springs::None {
+            let row = |row: &[f64; GROUP]| L::before::<S>(simd, row, at + stride);
+            if let [.., linear, cubic] = constants {
+                net = simd.sub_f64s(net, springs.pull(simd, row(linear), row(cubic), place));
+            }
+        }
+        let velocity = motion.kicked(simd, inverse_mass, net, velocity);
         simd.add_f64s(place, simd.mul_f64s(motion.drift_s, velocity))
     }
 
     #[inline(always)]
     fn kick<S: Simd, L: Layout, const KIND: u8>(&mut self, simd: S, kick_s: S::f64s, part: Range<usize>) {
         let motion = Motion { kicks: 1, kick_s, drift_s: kick_s };
+        let springs = self.constants.springs;
         for start in part.step_by(GROUP) {
-            let Beads { v, force, constants, presses, .. } = self.group(start);
-            if KIND == 0 && !(presses[0] | presses[1]) {
+            let group = self.group(start);
+            if KIND == BARE && !(group.presses[0] | group.presses[1]) {
                 continue;
             }
             for at in (0..GROUP).step_by(S::F64_LANES) {
-                let net = net_n::<S, L>(simd, force, at);
-                let inverse_mass = load::<S>(&constants[0], at);
-                store::<S>(motion.kicked(simd, inverse_mass, net, load::<S>(v, at)), v, at);
+                let net = group.net_n::<S, L, KIND>(simd, springs, at);
+                let inverse_mass = load::<S>(&group.constants[0], at);
+                let velocity = motion.kicked(simd, inverse_mass, net, load::<S>(group.v, at));
+                store::<S>(velocity, group.v, at);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Steps with drives, and with forces on beads beside those of their contacts.
+//! Steps with drives and resonators.
 //!
 //! Time moves with the drifts: the forces of a kick are those at the time that the drifts of the step have come to. So
 //! a force that depends on time, or a wall that moves, is one more coordinate to these methods, and they keep their
@@ -6,9 +6,10 @@
 
 use super::{Others, Splitting};
 use crate::drives::{Acts, Drives, Now, When};
-use crate::kernel::{Activity, Pass, PerLane};
+use crate::kernel::{Activity, Pass, PerLane, Pushed};
 use crate::pieces::Piece;
 use crate::state::ChainState;
+use schemas::simd::vectorized;
 
 impl Splitting {
     /// Makes one step.
@@ -41,27 +42,38 @@ impl Splitting {
         for (stage, (b, a)) in self.stages.kick_drift.iter().enumerate() {
             self.kick_with(others, b * dt_s, state);
             let drift_s = a * dt_s;
-            self.kernel.sweep(
-                &[Pass::Drift { drift_s: PerLane::same(drift_s) }],
-                state.u_m.whole(),
-                state.v_m_s.whole(),
-            );
-            let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
-            let beads = self.kernel.active_beads();
-            if others.rows.resonators {
-                for (w, w_m_s) in w_m[beads.clone()].iter_mut().zip(&w_m_s[beads]) {
-                    *w += drift_s * w_m_s;
-                }
-            }
             after += a;
             let when = if stage == last { piece.end() } else { piece.within(after * dt_s) };
-            self.move_to(others, when, state);
-            self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
+            self.drift_with(others, drift_s, when, state);
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
         if let Some(drives) = &others.drives {
             finish_piece(drives, others, state);
         }
+    }
+
+    /// Makes a drift of `drift_s`, which ends at `when`, and evaluates the forces there.
+    fn drift_with(&mut self, others: &mut Others, drift_s: f64, when: When, state: &mut ChainState) {
+        let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
+        if others.rows.resonators {
+            let beads = self.kernel.active_beads();
+            let (w_m, w_m_s) = (&mut w_m[beads.clone()], &w_m_s[beads]);
+            vectorized(
+                self.kernel.arch(),
+                #[inline(always)]
+                || w_m.iter_mut().zip(w_m_s).for_each(|(w, w_m_s)| *w += drift_s * w_m_s),
+            );
+        }
+        // a kick of no duration adds zero
+        let (kick_s, drift_s) = (PerLane::same(0.0), PerLane::same(drift_s));
+        let passes: &[Pass] = if others.drives.as_ref().is_some_and(Drives::move_beads) {
+            self.kernel.sweep(&[Pass::Drift { drift_s }], state.u_m.whole(), state.v_m_s.whole());
+            &[Pass::Forces]
+        } else {
+            &[Pass::Stage { kick_s, drift_s }]
+        };
+        self.move_to(others, when, state);
+        self.kernel.sweep(passes, state.u_m.whole(), state.v_m_s.whole());
     }
 
     /// Makes some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move
@@ -77,11 +89,11 @@ impl Splitting {
         moments.clone_from(&others.now);
         let [.., row] = others.rows.split_mut(&mut state.extra);
         for step in state.step..state.step + steps {
-            let (piece, mut after) = (Piece::whole(step, self.dt_s), 0.0);
+            let (piece, mut after) = (Piece::whole(step, self.dt_s()), 0.0);
             for (stage, (_, a)) in self.stages.kick_drift.iter().enumerate() {
                 after += a;
                 let is_end = stage + 1 == self.stages.kick_drift.len();
-                let when = if is_end { piece.end() } else { piece.within(after * self.dt_s) };
+                let when = if is_end { piece.end() } else { piece.within(after * self.dt_s()) };
                 drives.at(when, row, &mut others.now);
                 moments.extend_from_slice(&others.now);
             }
@@ -95,7 +107,7 @@ impl Splitting {
         for _ in 0..steps {
             let kicks = self.stages.kick_drift.iter().map(|(b, _)| *b).chain([self.stages.last_kick]);
             for (kick, b) in kicks.enumerate() {
-                let kick_s = b * self.dt_s;
+                let kick_s = b * self.dt_s();
                 let now = &moments[(at + kick) * count..][..count];
                 let [left_n, right_n] = if at + kick == 0 { before_n } else { forces_n(at + kick - 1) };
                 for (d, now) in now.iter().enumerate() {
@@ -121,7 +133,7 @@ impl Splitting {
             others.drives.iter().fold(activity, |activity, drives| drives.widen(activity, state.u_m.len()));
         self.kernel.restart(activity);
         if let Some(drives) = &others.drives {
-            let start = Piece::whole(state.step, self.dt_s).start();
+            let start = Piece::whole(state.step, self.dt_s()).start();
             drives.at(start, others.rows.drives_of(&state.extra), &mut others.now);
             self.kernel.move_walls(walls_at(drives, &others.now));
         }
@@ -152,14 +164,14 @@ impl Splitting {
             );
             others.before_kick = before;
         }
-        if self.kernel.sites().is_none() {
+        if !self.kernel.sites().has_resonators() {
             self.kernel.sweep(
                 &[Pass::Kick { kick_s: PerLane::same(kick_s) }],
                 state.u_m.whole(),
                 state.v_m_s.whole(),
             );
         } else {
-            self.kick_sites(others, kick_s, state);
+            self.kick_resonators(others, kick_s, state);
         }
         let Some(drives) = &others.drives else { return };
         let [.., row] = others.rows.split_mut(&mut state.extra);
@@ -186,27 +198,42 @@ impl Splitting {
         self.kernel.sites().net_n(bead, left - right, state.u_m[bead], w_m)
     }
 
-    /// Kicks beads with more forces than those of their contacts, and their resonators.
-    fn kick_sites(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
-        let beads = self.kernel.active_beads();
-        let pushed = self.kernel.pushed();
+    /// Kicks beads that have resonators, and those.
+    fn kick_resonators(&mut self, others: &mut Others, kick_s: f64, state: &mut ChainState) {
+        let Pushed { beads, left, right, inverse_mass } = self.kernel.pushed();
         let sites = self.kernel.sites();
+        let of = |all: &'_ [f64]| if all.is_empty() { 0..0 } else { beads.clone() };
+        let (linear, cubic) = (&sites.linear_n_per_m, &sites.cubic_n_per_m3);
+        let (linear, cubic) = (&linear[of(linear)], &cubic[of(cubic)]);
         let [w_m, w_m_s, ..] = others.rows.split_mut(&mut state.extra);
-        for (at, i) in beads.clone().enumerate() {
-            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
-            others.net_n[i] = sites.net_n(i, pushed.left[at] - pushed.right[at], state.u_m[i], w);
-        }
-        for (at, i) in beads.clone().enumerate() {
-            state.v_m_s[i] += kick_s * pushed.inverse_mass[at] * others.net_n[i];
-        }
-        if sites.has_resonators() {
-            for i in beads {
-                if sites.resonator_kg[i] > 0.0 {
-                    let pull_n = sites.resonator_n(i, state.u_m[i], w_m[i]);
-                    w_m_s[i] += kick_s * (1.0 / sites.resonator_kg[i]) * -pull_n;
+        let (w_m, w_m_s) = (&w_m[beads.clone()], &mut w_m_s[beads.clone()]);
+        let (u_m, v_m_s) = (&state.u_m[beads.clone()], &mut state.v_m_s[beads.clone()]);
+        let stiffness = &sites.resonator_n_per_m[beads.clone()];
+        let inverse_resonator = &others.inverse_resonator[beads.clone()];
+        let (net_n, count) = (&mut others.net_n[beads.clone()], beads.len());
+        vectorized(
+            self.kernel.arch(),
+            #[inline(always)]
+            || {
+                for i in 0..count {
+                    net_n[i] = left[i] - right[i];
                 }
-            }
-        }
+                if !cubic.is_empty() {
+                    for i in 0..count {
+                        net_n[i] -= linear[i] * u_m[i] + cubic[i] * (u_m[i] * u_m[i] * u_m[i]);
+                    }
+                } else if !linear.is_empty() {
+                    for i in 0..count {
+                        net_n[i] -= linear[i] * u_m[i];
+                    }
+                }
+                for i in 0..count {
+                    let pull_n = stiffness[i] * (w_m[i] - u_m[i]);
+                    v_m_s[i] += kick_s * inverse_mass[i] * (net_n[i] + pull_n);
+                    w_m_s[i] += kick_s * inverse_resonator[i] * -pull_n;
+                }
+            },
+        );
     }
 }
 
