@@ -90,14 +90,16 @@ pub(super) fn work(
             .collect();
         let rows = row::compute::<Failure>(sweep, &asked, &origin())?;
         let wall_s = start.elapsed().as_secs_f64() / batch.len() as f64;
-        let computed = asked.into_iter().zip(rows).map(|(Asked { index, signals: Signals { at, .. }, .. }, row)| {
-            let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
-            let Some(cells) = row else { return Ok(None) };
-            let failed = error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
-            journal.append(&Entry { index, wall_s, cells })?;
-            let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
-            Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
-        });
+        let computed =
+            asked.into_iter().zip(rows).map(|(Asked { index, signals: Signals { at, .. }, .. }, row)| {
+                let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
+                let Some(cells) = row else { return Ok(None) };
+                let failed =
+                    error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
+                journal.append(&Entry { index, wall_s, cells })?;
+                let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
+                Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
+            });
         computed.collect()
     };
     let mut progress = Overview::new(sweep, guess, &at);

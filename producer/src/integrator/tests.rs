@@ -205,7 +205,8 @@ fn lanes_have_the_bits_of(config: &RunConfig, start: &ChainState, arch: Arch, wh
         return false;
     }
     assert!(shapes.iter().all(|shape| shape.is_like(&shapes[0])), "{what}");
-    let together = shapes.iter().zip(&chains).map(|(shape, (physics, state, _))| (shape, physics.dt_s, state));
+    let together =
+        shapes.iter().zip(&chains).map(|(shape, (physics, state, _))| (shape, physics.dt_s, state));
     let mut lanes = Lanes::of(together, arch);
     let mut made = 0;
     for (lane, (physics, state, steps)) in chains.iter().enumerate().rev() {

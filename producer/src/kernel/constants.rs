@@ -63,7 +63,13 @@ impl Constants {
             .map(|(law, _)| if let TermLaw::Spring(Spring(n)) = law { Some(*n) } else { None })
             .collect();
         let kind = match bonds.as_deref() {
-            Some([]) if springs == Springs::None => if is_loaded { LOADED } else { BARE },
+            Some([]) if springs == Springs::None => {
+                if is_loaded {
+                    LOADED
+                } else {
+                    BARE
+                }
+            }
             _ if is_loaded || springs != Springs::None => ANY,
             Some([1]) if !has_law => LINEAR,
             Some([1, 2]) if !has_law => LINEAR | QUADRATIC,

@@ -133,7 +133,10 @@ impl Beads<'_> {
             return net;
         }
         let [.., linear, cubic] = self.constants else { return net };
-        simd.sub_f64s(net, springs.pull(simd, load::<S>(linear, at), load::<S>(cubic, at), load::<S>(self.u, at)))
+        simd.sub_f64s(
+            net,
+            springs.pull(simd, load::<S>(linear, at), load::<S>(cubic, at), load::<S>(self.u, at)),
+        )
     }
 
     /// Writes the forces of the contacts.

@@ -4,14 +4,21 @@ use super::{Bench, Floor, Rounds};
 use crate::dynamics::Moments;
 use crate::report::{Report, notice};
 use anyhow::{Context as _, Error, bail};
+use producer::run::{Conductor, Job, run_together};
 use pulp::Arch;
-use schemas::config::{Bonds, End, RunConfig};
+use schemas::config::{Bonds, End, RunConfig, StreamConfig};
+use schemas::frame::{Frame, FrameSink};
+use schemas::manifest::{Origin, Physics, RunManifest};
 use schemas::method::Method;
 use schemas::presets::PRESETS;
+use schemas::simd::vectorized;
 use schemas::term::{Spring, TermLaw};
+use std::convert::Infallible;
+use std::hint::black_box;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bead-steps of a measurement.
 const BEAD_STEPS: u64 = 40_000_000;
@@ -58,6 +65,62 @@ const KINDS: [Kind; 12] = {
     ]
 };
 
+/// Chains of one shape, computed beside each other by one worker.
+const BESIDE: [Kind; 3] = [
+    Kind { what: "64 at once, pressed, N = 32", floor: Floor::AtLeast(1.5), ..KINDS[2] },
+    Kind { what: "64 at once, FPUT-α, N = 32", floor: Floor::AtLeast(3.0), ..KINDS[8] },
+    Kind { what: "64 at once, pressed, N = 150", floor: Floor::AtLeast(1.2), ..KINDS[4] },
+];
+
+/// A pressed chain, as that of 200 beads above.
+const PRESSED: &str = "\
+[chain]\nbeads = 200\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n
+[ends]\nleft = \"fixed\"\nright = \"fixed\"\n
+[load]\nprecompression_n = 10.0\n
+[striker]\nbead = 0\nvelocity_m_s = 0.01\n
+[time]\nduration_s = 1.0\n
+[integrator]\nmethod = \"velocity-verlet\"\n";
+
+/// Forces on beads beside their contacts, as a configuration has them.
+const MORE: [(&str, &str, Floor); 4] = [
+    (
+        "a force on a bead, N = 200",
+        "[[drive]]\nbead = 99\nforce_n = { sine = { amplitude = 1.0, frequency_hz = 1e4 } }\n",
+        Floor::AtMost(6.0),
+    ),
+    (
+        "a wall that moves, N = 200",
+        "[[drive]]\nwall = \"left\"\ndisplacement_m = { sine = { amplitude = 1e-6, frequency_hz = 1e4 } }\n",
+        Floor::AtMost(2.5),
+    ),
+    (
+        "springs at each place, N = 200",
+        "[on_site]\nlinear_n_per_m = 1e5\ncubic_n_per_m3 = 1e9\n",
+        Floor::AtMost(2.5),
+    ),
+    ("resonators, N = 200", "[resonators]\nmass_kg = 1e-4\nstiffness_n_per_m = 1e5\n", Floor::AtMost(6.0)),
+];
+
+/// Chains in a row of them.
+const MANY: u64 = 64;
+
+/// A sink that looks at nothing.
+struct Nobody;
+
+impl FrameSink for Nobody {
+    type Error = Infallible;
+
+    fn accept(&mut self, _: &Frame<'_>) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl Conductor<Nobody, Nobody> for Nobody {
+    fn after_frame(&mut self, _: &Frame<'_>, _: &mut Nobody, _: Option<&mut Nobody>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
 impl Kind {
     fn config(&self) -> RunConfig {
         let mut config = PRESETS[0].config();
@@ -103,10 +166,97 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
         let figure = format!("{:.2} ns a bead-step", per_bead_step(rounds.ours_s()));
         report.row(rounds.row(kind.what, "a plain loop in C", kind.floor, figure))?;
     }
+    limits(bench, report)?;
+    for (what, more, floor) in MORE {
+        let moments = |more: &str| {
+            let config = RunConfig::from_toml(&format!("{PRESSED}{more}"))?;
+            Moments::all_moving(&config, KINDS[5].steps() / 8)
+        };
+        let (with, without) = (moments(more)?, moments("")?);
+        let times = |moments: &Moments| Ok(moments.ours(Arch::new()));
+        let rounds = Rounds::alternate(bench.rounds, || times(&with), || times(&without))?;
+        let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
+        report.row(rounds.row(what, "without it", floor, figure))?;
+    }
+    for kind in BESIDE {
+        let rounds = Rounds::alternate(bench.rounds, || kind.ours_beside(), || kind.theirs(&plain))?;
+        let figure =
+            format!("{:.2} ns a bead-step", rounds.ours_s() / (kind.beads * kind.steps()) as f64 * 1e9);
+        report.row(rounds.row(kind.what, "64 times the loop in C", kind.floor, figure))?;
+    }
     Ok(())
 }
 
+/// The machine's own limits beside steps that they bound: roots alone, and loads and stores alone.
+fn limits(bench: &Bench, report: &mut Report) -> Result<(), Error> {
+    const COUNT: usize = 1024;
+    let (from, mut to) = (vec![2.0_f64; COUNT], vec![0.0; COUNT]);
+    let mut row = |what, against, kind: Kind, work: &mut dyn FnMut(&[f64], &mut [f64])| {
+        let steps = kind.steps() / 4;
+        let moments = Moments::all_moving(&kind.config(), steps)?;
+        let numbers = moments.bead_steps();
+        let mut alone = || {
+            let began = Instant::now();
+            for _ in 0..(kind.beads * steps) / COUNT as u64 {
+                work(black_box(&from), black_box(&mut to));
+            }
+            Ok(began.elapsed())
+        };
+        let rounds = Rounds::alternate(bench.rounds, &mut alone, || Ok(moments.ours(Arch::new())))?;
+        let figure = format!("{:.2} ns a bead", rounds.ours_s() / numbers * 1e9);
+        report.row(rounds.row(what, against, Floor::Any, figure))
+    };
+    let arch = Arch::new();
+    row("a root for each contact, and no more", "pressed, N = 1000", KINDS[6], &mut |from, to| {
+        vectorized(
+            arch,
+            #[inline(always)]
+            || to.iter_mut().zip(from).for_each(|(to, from)| *to = from.sqrt()),
+        );
+    })?;
+    row("6 loads and 3 stores for each bead", "ring of FPUT-α bonds, N = 1024", KINDS[9], &mut |from, to| {
+        vectorized(
+            arch,
+            #[inline(always)]
+            || {
+                for part in 0..3 {
+                    to.iter_mut().zip(&from[part..]).for_each(|(to, more)| *to += more);
+                }
+            },
+        );
+    })
+}
+
 impl Kind {
+    /// The time that [`MANY`] runs take, each with a part of the steps and a motion of its own.
+    fn ours_beside(&self) -> Result<Duration, Error> {
+        let manifest = |number: u64| {
+            let mut config = self.config();
+            config.striker.velocity_m_s *= 1.0 + number as f64 / MANY as f64;
+            let (dt_s, steps) = (Physics::resolve(&config)?.dt_s, self.steps() / MANY);
+            (config.time.dt_s, config.time.duration_s) = (Some(dt_s), dt_s * steps as f64);
+            config.stream = StreamConfig { publish_every_steps: steps, record_every_steps: steps };
+            let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+            Ok(RunManifest::new(&config, "bench", origin)?)
+        };
+        let manifests = (0..MANY).map(manifest).collect::<Result<Vec<_>, Error>>()?;
+        let mut nobody: Vec<_> = manifests.iter().map(|_| [Nobody, Nobody]).collect();
+        let jobs = manifests.iter().zip(&mut nobody).map(|(manifest, [publisher, conductor])| Job {
+            manifest,
+            publisher,
+            recorder: None,
+            conductor,
+        });
+        let (jobs, mut failed, began) = (jobs.collect::<Vec<_>>(), Ok(()), Instant::now());
+        run_together(jobs, |_, ended| {
+            if let Err(error) = ended {
+                failed = Err(error);
+            }
+        });
+        failed?;
+        Ok(began.elapsed())
+    }
+
     /// The time that the plain loop takes by its own clock.
     fn theirs(&self, plain: &Path) -> Result<Duration, Error> {
         let (beads, steps, alpha) =

@@ -104,13 +104,7 @@ impl Chunk {
     }
 
     /// Takes the records from the thread that reads ahead, or decompresses them here. Returns their CRC.
-    fn decompress(
-        &mut self,
-        offset: u64,
-        data: &[u8],
-        size: u64,
-        records: &RecordReader,
-    ) -> io::Result<u32> {
+    fn decompress(&mut self, offset: u64, data: &[u8], size: u64, records: &RecordReader) -> io::Result<u32> {
         let head = ChunkHead::parse(records.body());
         let ready = head.and_then(|head| self.ahead.take(offset, &head, records, &mut self.buffer));
         let crc = if let Some(crc) = ready {
