@@ -10,7 +10,7 @@ use schemas::manifest::{Physics, RunManifest};
 use schemas::summary::Drift;
 use std::error::Error;
 use std::ops::ControlFlow;
-pub use together::run_together;
+pub use together::Together;
 
 /// Result of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -192,6 +192,12 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             last_published: (manifest.provenance.publish_every_steps > 1).then(|| state.clone()),
             state,
         }
+    }
+
+    /// All who took part.
+    fn into_job(self) -> Job<'a, P, R, C> {
+        let Self { manifest, publisher, recording: Recording { recorder, .. }, conductor, .. } = self;
+        Job { manifest, publisher, recorder, conductor }
     }
 
     /// True if the state that has been reached is to be looked at.

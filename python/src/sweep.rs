@@ -134,7 +134,12 @@ impl Sweep {
                     let signals = Signals { stop, at: &at };
                     Asked { index: indices[*job], recording: None, signals }
                 });
-                row::compute(&self.sweep, &asked.collect::<Vec<_>>(), &beadline::origin())
+                let (asked, mut rows) = (asked.collect::<Vec<_>>(), Vec::new());
+                row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
+                    rows.push((batch[place], row));
+                    Ok(())
+                })?;
+                Ok(rows)
             };
             let jobs = jobs.min(indices.len()).max(1);
             let most = Lanes::most().min(indices.len().div_ceil(jobs)).max(1);

@@ -248,7 +248,11 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
             let index = u64::try_from(index).unwrap_or(0); // below the number of points
             let (start, at) = (Instant::now(), At::default());
             let asked = Asked { index, recording: None, signals: Signals { stop: over, at: &at } };
-            let row = row::compute::<Failure>(sweep, &[asked], &origin())?.pop().flatten();
+            let mut row = None;
+            row::compute(sweep, &[asked], &origin(), |_, found, _| {
+                row = Some(found);
+                Ok::<_, Failure>(())
+            })?;
             let wall_s = start.elapsed().as_secs_f64();
             if let Some(cells) = row {
                 tried.times_s.push(wall_s);

@@ -24,6 +24,9 @@ use std::time::Instant;
 /// Most workers of one process: more than any machine has cores, fewer than the threads that systems grant.
 const MAX_WORKERS: usize = 1024;
 
+/// Steps of beads of a point, some seconds, beyond which it is computed alone: a stop loses what is not finished.
+const MOST_TOGETHER: u64 = 5_000_000_000;
+
 /// Result of the work.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Tally {
@@ -74,33 +77,27 @@ pub(super) fn work(
 ) -> Result<Tally, Failure> {
     let points = usize::try_from(guess.count).unwrap_or(usize::MAX);
     let threads = options.threads.min(points).clamp(1, MAX_WORKERS);
-    // chains beside each other end later than one would alone: no worker is to wait for another
-    let most = Lanes::most().min(points.div_ceil(threads)).max(1);
+    // chains beside each other end later than one would alone: no worker is to wait for another, and not much to be lost by a stop
+    let most =
+        if guess.cost > MOST_TOGETHER { 1 } else { Lanes::most().min(points.div_ceil(threads)).max(1) };
     let at: Vec<At> = (0..threads * most).map(|_| At::default()).collect();
     let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
-    let compute = |worker: usize, batch: &[u64]| -> Result<Vec<Option<Computed>>, Failure> {
-        let start = Instant::now();
-        let asked: Vec<_> = batch
-            .iter()
-            .zip(&at[worker * most..])
-            .map(|(index, at)| {
-                let recording = options.record.then(|| directory.recording(*index));
-                Asked { index: *index, recording, signals: Signals { stop, at } }
-            })
-            .collect();
-        let rows = row::compute::<Failure>(sweep, &asked, &origin())?;
-        let wall_s = start.elapsed().as_secs_f64() / batch.len() as f64;
-        let computed =
-            asked.into_iter().zip(rows).map(|(Asked { index, signals: Signals { at, .. }, .. }, row)| {
-                let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
-                let Some(cells) = row else { return Ok(None) };
-                let failed =
-                    error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
-                journal.append(&Entry { index, wall_s, cells })?;
-                let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
-                Ok(Some(Computed { expected: cost(steps), steps: cost(step), failed }))
-            });
-        computed.collect()
+    let compute = |worker: usize, batch: &[u64]| -> Result<Vec<(u64, Computed)>, Failure> {
+        let asked = batch.iter().zip(&at[worker * most..]).map(|(index, at)| Asked {
+            index: *index,
+            recording: options.record.then(|| directory.recording(*index)),
+            signals: Signals { stop, at },
+        });
+        let (asked, mut computed) = (asked.collect::<Vec<_>>(), Vec::new());
+        row::compute::<Failure>(sweep, &asked, &origin(), |place, cells, wall_s| {
+            let (index, at) = (batch[place], asked[place].signals.at);
+            let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
+            let failed = error.and_then(|place| cells.get(place)).is_some_and(|cell| *cell != Cell::Empty);
+            let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
+            computed.push((index, Computed { expected: cost(steps), steps: cost(step), failed }));
+            Ok(journal.append(&Entry { index, wall_s, cells })?)
+        })?;
+        Ok(computed)
     };
     let mut progress = Overview::new(sweep, guess, &at);
     let mut tally = Tally::default();

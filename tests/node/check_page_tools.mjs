@@ -214,9 +214,9 @@ const scenarios = {
     const url = await start("view", light, heavy).line;
     const page = await openPage(url);
     await page.waitForSelector("#second-panel:not([hidden])");
-    await until("both titles", async () => {
-      const titles = await drawnTexts(page);
-      return titles.includes("light") && titles.includes(heavy);
+    const titles = await until("both titles", async () => {
+      const drawn = await drawnTexts(page);
+      return drawn.includes("light") && drawn.includes(heavy) && drawn;
     });
     await page.click("#tab-compare");
     await page.click("#compare-difference");

@@ -41,11 +41,13 @@ pub fn share<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
     work: impl Fn(usize, J) -> Result<Option<T>, E> + Sync,
     hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
-    let work = |worker: usize, jobs: &[J]| work(worker, jobs[0]).map(|done| vec![done]);
+    let work = |worker: usize, jobs: &[J]| {
+        work(worker, jobs[0]).map(|done| done.into_iter().map(|done| (jobs[0], done)).collect())
+    };
     share_batches(jobs, (threads, 1), stop, work, hear)
 }
 
-/// Like [`share`], with up to `most` jobs at a time for each of the `threads`: `work` gives what each of them gives.
+/// Like [`share`], with up to `most` jobs at a time for each of the `threads`: `work` gives those that are done.
 ///
 /// # Errors
 /// As [`share`].
@@ -53,7 +55,7 @@ pub fn share_batches<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
     jobs: impl Iterator<Item = J> + Send,
     (threads, most): (usize, usize),
     stop: &AtomicBool,
-    work: impl Fn(usize, &[J]) -> Result<Vec<Option<T>>, E> + Sync,
+    work: impl Fn(usize, &[J]) -> Result<Vec<(J, T)>, E> + Sync,
     mut hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
     let jobs = Mutex::new(jobs);
@@ -73,10 +75,7 @@ pub fn share_batches<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
             };
             for (jobs, ended) in attempts {
                 let news: Vec<_> = match ended {
-                    Ok(Ok(all)) => {
-                        let done = jobs.iter().zip(all);
-                        done.filter_map(|(job, done)| Some(Ok(Told::Done(*job, done?)))).collect()
-                    }
+                    Ok(Ok(all)) => all.into_iter().map(|(job, done)| Ok(Told::Done(job, done))).collect(),
                     Ok(Err(error)) => vec![Err(error)],
                     Err(_) => vec![Ok(Told::Broken(jobs[0]))],
                 };

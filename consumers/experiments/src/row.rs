@@ -6,17 +6,19 @@ use crate::point::PointAnalyses;
 use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
-use producer::run::{Conductor, Job, RunError, RunOutcome, run_together};
+use producer::run::{Conductor, Job, RunError, RunOutcome, Together};
 use producer::sweep::{ParameterValue, Point, Sweep, Until};
 use recording::hex;
 use recording::{RecordingWriter, WriteError, WriteOptions, state_hash};
 use schemas::config::{ConfigError, RunConfig};
-use schemas::frame::{EndReason, Frame};
+use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::{Origin, RunManifest};
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Time, in collision times T, for which the reflected energy must be stationary before it ends a point. It is the
 /// window in which the uncertainty of the reflected energy is measured.
@@ -51,41 +53,87 @@ pub struct Asked<'a> {
     pub signals: Signals<'a>,
 }
 
-/// Computes points of `sweep`, those whose chains have a shape in common together, and records those that have a path for that. The row
-/// of each; none of those that were stopped.
+/// Computes points of `sweep`, those whose chains have a shape in common together, and records those that have a path for that. `done` is
+/// given the place among `asked`, the row, in any order, and the time (s) of the computation; none of a point that was stopped.
 ///
 /// A row depends on the sweep and the index alone. A run that fails or that cannot be has a row, too, which says why.
 ///
 /// # Errors
-/// When there is no such point, or a recording cannot be written.
-pub fn compute<E>(sweep: &Sweep, asked: &[Asked<'_>], origin: &Origin) -> Result<Vec<Option<Vec<Cell>>>, E>
+/// When there is no such point, when a recording cannot be written, or when `done` fails.
+pub fn compute<E>(
+    sweep: &Sweep,
+    asked: &[Asked<'_>],
+    origin: &Origin,
+    mut done: impl FnMut(usize, Vec<Cell>, f64) -> Result<(), E>,
+) -> Result<(), E>
 where
     E: From<ConfigError> + From<RunError<Infallible, WriteError>> + From<WriteError>,
 {
-    let mut points =
-        asked.iter().map(|asked| Run::of(sweep, asked, origin)).collect::<Result<Vec<_>, E>>()?;
-    let mut outcomes: Vec<_> = asked.iter().map(|_| None).collect();
-    let runs = points.iter_mut().enumerate().filter_map(|(place, run)| Some((place, run.as_mut().ok()?)));
-    let (places, jobs): (Vec<_>, Vec<_>) = runs.map(|(place, run)| (place, run.job())).unzip();
-    run_together(jobs, |number, outcome| outcomes[places[number]] = Some(outcome));
-    let rows = points.into_iter().zip(outcomes).map(|(point, outcome)| match (point, outcome) {
-        (Ok(run), Some(outcome)) => run.row(sweep, outcome),
-        (Ok(_), None) => Ok(None),
-        (Err(row), _) => Ok(Some(row)),
-    });
-    rows.collect()
+    let mut points = Vec::new();
+    for (place, asked) in asked.iter().enumerate() {
+        match Begun::of::<E>(sweep, asked, origin)? {
+            Ok(begun) => points.push((place, begun)),
+            Err(row) => done(place, row, 0.0)?,
+        }
+    }
+    let (manifests, mut takers): (Vec<_>, Vec<_>) = points
+        .into_iter()
+        .map(|(place, begun)| (begun.manifest, Some((place, begun.parameters, begun.takers))))
+        .unzip();
+    for together in Together::of(&manifests) {
+        let (start, mut failure) = (Instant::now(), None);
+        let (numbers, many) = (together.numbers().to_vec(), together.numbers().len() as f64);
+        let mut begun: Vec<_> = numbers.iter().filter_map(|number| takers[*number].take()).collect();
+        let mut of: BTreeMap<usize, _> = BTreeMap::new();
+        let mut jobs = Vec::new();
+        for (number, (place, parameters, takers)) in numbers.iter().zip(&mut begun) {
+            of.insert(*number, (*place, &*parameters));
+            jobs.push(takers.job(&manifests[*number]));
+        }
+        together.run(jobs, |number, job, outcome| {
+            let (place, parameters) = of[&number];
+            // chains beside each other share their time
+            let shared_s = start.elapsed().as_secs_f64() / many;
+            let ended = row::<E>(sweep, parameters, job, outcome);
+            match ended.and_then(|row| row.map_or(Ok(()), |row| done(place, row, shared_s))) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(error) => {
+                    failure = Some(error);
+                    ControlFlow::Break(())
+                }
+            }
+        });
+        failure.map_or(Ok(()), Err)?;
+    }
+    Ok(())
 }
 
 /// A point that is a run, and all who take part in it.
-struct Run<'a> {
+struct Begun<'a> {
     manifest: RunManifest,
     parameters: Vec<Option<ParameterValue>>,
+    takers: Takers<'a>,
+}
+
+/// All who take part in a run.
+struct Takers<'a> {
     analyses: PointAnalyses,
-    recorder: Option<RecordingWriter>,
+    recorder: Recorder,
     conduct: Conduct<'a>,
 }
 
-impl<'a> Run<'a> {
+/// A recording, if there is to be one.
+struct Recorder(Option<RecordingWriter>);
+
+impl FrameSink for Recorder {
+    type Error = WriteError;
+
+    fn accept(&mut self, frame: &Frame<'_>) -> Result<(), WriteError> {
+        self.0.as_mut().map_or(Ok(()), |recorder| recorder.accept(frame))
+    }
+}
+
+impl<'a> Begun<'a> {
     /// The run of a point, or the row of one that is none.
     fn of<E>(sweep: &Sweep, asked: &'a Asked<'a>, origin: &Origin) -> Result<Result<Self, Vec<Cell>>, E>
     where
@@ -109,50 +157,57 @@ impl<'a> Run<'a> {
         let recorder = asked.recording.as_deref();
         let recorder = recorder.map(|path| record(path, &manifest, sweep, (index, &config))).transpose()?;
         let conduct = Conduct::new(sweep, &manifest, signals);
-        Ok(Ok(Self { manifest, parameters, analyses, recorder, conduct }))
+        Ok(Ok(Self {
+            manifest,
+            parameters,
+            takers: Takers { analyses, recorder: Recorder(recorder), conduct },
+        }))
     }
+}
 
-    fn job(&mut self) -> Job<'_, PointAnalyses, RecordingWriter, Conduct<'a>> {
-        Job {
-            manifest: &self.manifest,
-            publisher: &mut self.analyses,
-            recorder: self.recorder.as_mut(),
-            conductor: &mut self.conduct,
-        }
+/// A run that somebody conducts as a point of a sweep.
+type PointJob<'a, 'b> = Job<'a, PointAnalyses, Recorder, Conduct<'b>>;
+
+impl<'b> Takers<'b> {
+    fn job<'a>(&'a mut self, manifest: &'a RunManifest) -> PointJob<'a, 'b> {
+        let Self { analyses, recorder, conduct } = self;
+        let recorder = recorder.0.is_some().then_some(recorder);
+        Job { manifest, publisher: analyses, recorder, conductor: conduct }
     }
+}
 
-    /// The row of the run, which ended with `outcome`; none if it was stopped.
-    fn row<E>(
-        mut self,
-        sweep: &Sweep,
-        outcome: Result<RunOutcome, RunError<Infallible, WriteError>>,
-    ) -> Result<Option<Vec<Cell>>, E>
-    where
-        E: From<RunError<Infallible, WriteError>> + From<WriteError>,
-    {
-        let settled = self.conduct.settled;
-        let outcome = match outcome {
-            Ok(outcome) if outcome.reason == EndReason::Interrupted && settled.is_none() => {
-                if let Some(recorder) = self.recorder {
-                    recorder.discard();
-                }
-                return Ok(None);
+/// The row of a run, which ended with `outcome`; none if it was stopped.
+fn row<E>(
+    sweep: &Sweep,
+    parameters: &[Option<ParameterValue>],
+    job: PointJob<'_, '_>,
+    outcome: Result<RunOutcome, RunError<Infallible, WriteError>>,
+) -> Result<Option<Vec<Cell>>, E>
+where
+    E: From<RunError<Infallible, WriteError>> + From<WriteError>,
+{
+    let Job { manifest, publisher: analyses, recorder, conductor } = job;
+    let (recorder, settled) = (recorder.and_then(|recorder| recorder.0.take()), conductor.settled);
+    let outcome = match outcome {
+        Ok(outcome) if outcome.reason == EndReason::Interrupted && settled.is_none() => {
+            if let Some(recorder) = recorder {
+                recorder.discard();
             }
-            Ok(outcome) => Ok(outcome),
-            Err(error @ RunError::NonFinite { .. }) => Err(error.to_string()),
-            Err(error) => return Err(error.into()),
-        };
-        self.analyses.finish();
-        let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
-        self.recorder.map(|recorder| recorder.finish(reason)).transpose()?;
-        let outcome = outcome.map(|outcome| (outcome, settled));
-        let mut results = results(sweep, &self.manifest, &mut self.analyses, &outcome);
-        let (last_step, stop) = (self.analyses.step, self.conduct.signals.stop);
-        if sweep.check() && !determine(&mut results, sweep, &self.manifest, last_step, stop) {
             return Ok(None);
         }
-        Ok(Some(results.cells(&self.parameters)))
+        Ok(outcome) => Ok(outcome),
+        Err(error @ RunError::NonFinite { .. }) => Err(error.to_string()),
+        Err(error) => return Err(error.into()),
+    };
+    analyses.finish();
+    let reason = outcome.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
+    recorder.map(|recorder| recorder.finish(reason)).transpose()?;
+    let outcome = outcome.map(|outcome| (outcome, settled));
+    let mut results = results(sweep, manifest, analyses, &outcome);
+    if sweep.check() && !determine(&mut results, sweep, manifest, analyses.step, conductor.signals.stop) {
+        return Ok(None);
     }
+    Ok(Some(results.cells(parameters)))
 }
 
 /// The row of a point that no run can be.
@@ -336,8 +391,14 @@ mod tests {
     fn row(sweep: &Sweep, index: u64) -> Vec<Cell> {
         let signals = Signals { stop: &AtomicBool::new(false), at: &At::default() };
         let asked = Asked { index, recording: None, signals };
-        let rows = compute::<Box<dyn std::error::Error>>(sweep, &[asked], &origin()).expect("no recording");
-        rows.into_iter().flatten().next().expect("not stopped")
+        let mut found = None;
+        let computed: Result<(), Box<dyn std::error::Error>> =
+            compute(sweep, &[asked], &origin(), |_, row, _| {
+                found = Some(row);
+                Ok(())
+            });
+        computed.expect("no recording");
+        found.expect("not stopped")
     }
 
     /// The reflected energy becomes stationary in both chains, but in the shorter a front meets an end 4 T later.
@@ -383,10 +444,16 @@ mod tests {
             let at: Vec<_> = all.clone().map(|_| At::default()).collect();
             let asked =
                 |index: u64, at| Asked { index, recording: None, signals: Signals { stop: &stop, at } };
-            let together: Vec<_> = all.clone().zip(&at).map(|(index, at)| asked(index, at)).collect();
-            let rows = compute::<Box<dyn std::error::Error>>(&sweep, &together, &origin()).expect("rows");
-            for (index, row) in all.zip(rows) {
-                let row = row.expect("not stopped");
+            let together: Vec<_> = all.zip(&at).map(|(index, at)| asked(index, at)).collect();
+            let mut rows = Vec::new();
+            let computed: Result<(), Box<dyn std::error::Error>> =
+                compute(&sweep, &together, &origin(), |place, row, _| {
+                    rows.push((together[place].index, row));
+                    Ok(())
+                });
+            computed.expect("no recording");
+            assert_eq!(rows.len() as u64, sweep.point_count());
+            for (index, row) in rows {
                 assert_eq!(row, self::row(&sweep, index), "point {index} of {text}");
                 failed += usize::from(row.contains(&Cell::Word("failed".into())));
                 settled += usize::from(row.contains(&Cell::Word("met end".into())));

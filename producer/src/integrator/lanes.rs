@@ -66,7 +66,7 @@ impl Lanes {
     /// True if so many chains are faster together than one after the other: a step takes as long for some chains as for
     /// [`most`](Self::most) of them.
     pub(crate) fn is_worth_it(chains: usize) -> bool {
-        2 * chains > Self::most()
+        chains > 1 && 2 * chains > Self::most()
     }
 
     /// Puts chains of like shapes beside each other, with their steps (s) and states.

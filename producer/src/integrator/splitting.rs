@@ -53,7 +53,7 @@ impl Stages {
         match method {
             Method::VelocityVerlet => Some(VELOCITY_VERLET),
             Method::Rkn4 => Some(RKN4),
-            Method::Gear5 | Method::Rk5 => None,
+            _ => None,
         }
     }
 

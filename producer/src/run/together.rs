@@ -5,16 +5,23 @@ use crate::integrator::{Integrator, Lanes, Shape};
 use crate::state::ChainState;
 use pulp::Arch;
 use schemas::frame::FrameSink;
+use schemas::manifest::RunManifest;
 use std::ops::ControlFlow;
 
-/// A run that lies beside others, and its number among all.
+/// A run among others, its number among all, and its shape if it can lie beside them.
 struct Member<'a, P, R, C> {
     number: usize,
-    shape: Shape,
+    shape: Option<Shape>,
     simulation: Simulation<'a, P, R, C>,
 }
 
 impl<P: FrameSink, R: FrameSink, C: Conductor<P, R>> Member<'_, P, R, C> {
+    /// Its chain, step (s) and state.
+    fn chain(&self) -> Option<(&Shape, f64, &ChainState)> {
+        let Simulation { manifest, state, .. } = &self.simulation;
+        Some((self.shape.as_ref()?, manifest.physics.dt_s, state))
+    }
+
     /// Has all look at the state in `lane` if it is one that they wait for; gives the outcome if the run ends.
     fn visit(&mut self, lane: usize, lanes: &Lanes) -> Option<Ended<P, R>> {
         let simulation = &mut self.simulation;
@@ -35,74 +42,85 @@ impl<P: FrameSink, R: FrameSink, C: Conductor<P, R>> Member<'_, P, R, C> {
     }
 }
 
-/// Makes some runs, and tells `done` the number and the outcome of each that ends. Chains of one shape are computed beside each other;
-/// every run is as if it were alone.
-///
-/// Nobody watches them for chaos.
-pub fn run_together<'a, P: FrameSink + 'a, R: FrameSink + 'a, C: Conductor<P, R> + 'a>(
-    jobs: impl IntoIterator<Item = Job<'a, P, R, C>>,
-    mut done: impl FnMut(usize, Ended<P, R>),
-) {
-    let mut alike: Vec<Vec<Member<'_, P, R, C>>> = Vec::new();
-    for (number, job) in jobs.into_iter().enumerate() {
-        let physics = &job.manifest.physics;
-        let (shape, state) = (Shape::of(physics), ChainState::initial(physics));
-        let mut simulation = Simulation::new(job, state, true);
-        let Some(shape) = shape else {
-            done(number, alone(&mut simulation));
-            continue;
-        };
-        let member = Member { number, shape, simulation };
-        match alike.iter_mut().find(|members| members[0].shape.is_like(&member.shape)) {
-            Some(members) => members.push(member),
-            None => alike.push(vec![member]),
-        }
-    }
-    for mut members in alike {
-        while !members.is_empty() {
-            let rest = members.split_off(members.len().min(Lanes::most()));
-            beside_each_other(members, &mut done);
-            members = rest;
-        }
-    }
+/// Runs of chains that can lie beside each other, or one run that has to be made alone.
+#[derive(Debug)]
+pub struct Together {
+    numbers: Vec<usize>,
+    /// The shape of each; none of a run that is alone.
+    shapes: Vec<Shape>,
 }
 
-/// Makes the rest of a run.
-fn alone<P: FrameSink, R: FrameSink, C: Conductor<P, R>>(
-    simulation: &mut Simulation<'_, P, R, C>,
-) -> Ended<P, R> {
-    let mut integrator = Integrator::new(&simulation.manifest.physics);
-    simulation.finish(&mut integrator, &mut None)
-}
+impl Together {
+    /// Sorts runs: as many as possible together, but no more than there are lanes.
+    pub fn of<'a>(manifests: impl IntoIterator<Item = &'a RunManifest>) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        for (number, manifest) in manifests.into_iter().enumerate() {
+            let shape = Shape::of(&manifest.physics);
+            let fits = |one: &&mut Self| match (one.shapes.first(), &shape) {
+                (Some(first), Some(shape)) => one.numbers.len() < Lanes::most() && first.is_like(shape),
+                _ => false,
+            };
+            match all.iter_mut().find(fits) {
+                Some(one) => {
+                    one.numbers.push(number);
+                    one.shapes.extend(shape);
+                }
+                None => all.push(Self { numbers: vec![number], shapes: shape.into_iter().collect() }),
+            }
+        }
+        all
+    }
 
-/// Makes runs of one shape, as long as so many are left that it is worth it.
-fn beside_each_other<P: FrameSink, R: FrameSink, C: Conductor<P, R>>(
-    mut members: Vec<Member<'_, P, R, C>>,
-    done: &mut impl FnMut(usize, Ended<P, R>),
-) {
-    while Lanes::is_worth_it(members.len()) {
-        let chains = members.iter().map(|Member { shape, simulation, .. }| {
-            (shape, simulation.manifest.physics.dt_s, &simulation.state)
+    /// The places of these runs among the sorted ones.
+    pub fn numbers(&self) -> &[usize] {
+        &self.numbers
+    }
+
+    /// Makes the runs, of which `jobs` are in the order of [`numbers`](Self::numbers). `done` is given the number, the job and the outcome
+    /// of each that ends, and decides whether the others go on. Every run is as if it were alone. Nobody watches them for chaos.
+    pub fn run<'a, P: FrameSink + 'a, R: FrameSink + 'a, C: Conductor<P, R> + 'a>(
+        self,
+        jobs: impl IntoIterator<Item = Job<'a, P, R, C>>,
+        mut done: impl FnMut(usize, Job<'a, P, R, C>, Ended<P, R>) -> ControlFlow<()>,
+    ) {
+        let begun = jobs.into_iter().map(|job| {
+            let state = ChainState::initial(&job.manifest.physics);
+            Simulation::new(job, state, true)
         });
-        let mut lanes = Lanes::of(chains, Arch::new());
-        let mut ended = loop {
-            let visited = members.iter_mut().enumerate().map(|(lane, member)| member.visit(lane, &lanes));
-            let ended: Vec<_> = visited.collect();
-            if ended.iter().any(Option::is_some) {
-                break ended;
-            }
-            let to_next = members.iter().map(|member| member.simulation.steps_to_next());
-            let made = lanes.advance(to_next.min().unwrap_or(1));
-            members.iter_mut().for_each(|member| member.simulation.state.step += made);
-        };
-        for lane in (0..members.len()).rev() {
-            match ended.remove(lane) {
-                Some(ended) => done(members.remove(lane).number, ended),
-                None => lanes.copy_to(lane, &mut members[lane].simulation.state),
+        let shapes = self.shapes.into_iter().map(Some).chain(std::iter::once(None));
+        let members = self.numbers.into_iter().zip(begun).zip(shapes);
+        let mut members: Vec<_> =
+            members.map(|((number, simulation), shape)| Member { number, shape, simulation }).collect();
+        while Lanes::is_worth_it(members.len()) {
+            let chains = members.iter().filter_map(Member::chain);
+            let mut lanes = Lanes::of(chains, Arch::new());
+            let mut ended = loop {
+                let visited = members.iter_mut().enumerate().map(|(lane, member)| member.visit(lane, &lanes));
+                let ended: Vec<_> = visited.collect();
+                if ended.iter().any(Option::is_some) {
+                    break ended;
+                }
+                let to_next = members.iter().map(|member| member.simulation.steps_to_next());
+                let made = lanes.advance(to_next.min().unwrap_or(1));
+                members.iter_mut().for_each(|member| member.simulation.state.step += made);
+            };
+            for lane in (0..members.len()).rev() {
+                let Some(ended) = ended.remove(lane) else {
+                    lanes.copy_to(lane, &mut members[lane].simulation.state);
+                    continue;
+                };
+                let Member { number, simulation, .. } = members.remove(lane);
+                if done(number, simulation.into_job(), ended).is_break() {
+                    return;
+                }
             }
         }
-    }
-    for mut member in members {
-        done(member.number, alone(&mut member.simulation));
+        for Member { number, mut simulation, .. } in members {
+            let mut integrator = Integrator::new(&simulation.manifest.physics);
+            let ended = simulation.finish(&mut integrator, &mut None);
+            if done(number, simulation.into_job(), ended).is_break() {
+                return;
+            }
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::{Bench, Floor, Rounds};
 use crate::dynamics::Moments;
 use crate::report::{Report, notice};
 use anyhow::{Context as _, Error, bail};
-use producer::run::{Conductor, Job, run_together};
+use producer::run::{Conductor, Job, Together};
 use pulp::Arch;
 use schemas::config::{Bonds, End, RunConfig, StreamConfig};
 use schemas::frame::{Frame, FrameSink};
@@ -240,19 +240,18 @@ impl Kind {
             Ok(RunManifest::new(&config, "bench", origin)?)
         };
         let manifests = (0..MANY).map(manifest).collect::<Result<Vec<_>, Error>>()?;
-        let mut nobody: Vec<_> = manifests.iter().map(|_| [Nobody, Nobody]).collect();
-        let jobs = manifests.iter().zip(&mut nobody).map(|(manifest, [publisher, conductor])| Job {
-            manifest,
-            publisher,
-            recorder: None,
-            conductor,
-        });
-        let (jobs, mut failed, began) = (jobs.collect::<Vec<_>>(), Ok(()), Instant::now());
-        run_together(jobs, |_, ended| {
-            if let Err(error) = ended {
-                failed = Err(error);
-            }
-        });
+        let (mut failed, began) = (Ok(()), Instant::now());
+        for together in Together::of(&manifests) {
+            let mut nobody: Vec<_> = together.numbers().iter().map(|_| [Nobody, Nobody]).collect();
+            let jobs = together.numbers().iter().zip(&mut nobody).map(|(number, [publisher, conductor])| {
+                Job { manifest: &manifests[*number], publisher, recorder: None, conductor }
+            });
+            let jobs: Vec<_> = jobs.collect();
+            together.run(jobs, |_, _, ended| {
+                failed = ended.map(|_| ());
+                if failed.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            });
+        }
         failed?;
         Ok(began.elapsed())
     }

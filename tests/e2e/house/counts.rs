@@ -6,17 +6,17 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 21] = [
-    ("the command", 13_500),
+    ("the command", 13_550),
     ("schemas", 8_450),
     ("schemas/bus", 4_400),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 6_150),
+    ("producer", 6_550),
     ("consumers", 5_950),
     ("consumers/analyses", 2_700),
-    ("consumers/experiments", 1_100),
+    ("consumers/experiments", 1_200),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
     ("consumers/paper", 4_700),
@@ -26,11 +26,11 @@ pub(super) const BUDGETS: [(&str, usize); 21] = [
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_150),
-    ("tests/bench", 2_050),
+    ("tests/bench", 2_150),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 69_150;
+const MOST_LINES: usize = 69_750;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
