@@ -102,7 +102,9 @@ impl Together {
                 }
                 let to_next = members.iter().map(|member| member.simulation.steps_to_next());
                 let made = lanes.advance(to_next.min().unwrap_or(1));
-                members.iter_mut().for_each(|member| member.simulation.state.step += made);
+                for member in &mut members {
+                    member.simulation.state.step += made;
+                }
             };
             for lane in (0..members.len()).rev() {
                 let Some(ended) = ended.remove(lane) else {

@@ -164,14 +164,11 @@ impl Splitting {
             );
             others.before_kick = before;
         }
-        if !self.kernel.sites().has_resonators() {
-            self.kernel.sweep(
-                &[Pass::Kick { kick_s: PerLane::same(kick_s) }],
-                state.u_m.whole(),
-                state.v_m_s.whole(),
-            );
-        } else {
+        if self.kernel.sites().has_resonators() {
             self.kick_resonators(others, kick_s, state);
+        } else {
+            let kick_s = PerLane::same(kick_s);
+            self.kernel.sweep(&[Pass::Kick { kick_s }], state.u_m.whole(), state.v_m_s.whole());
         }
         let Some(drives) = &others.drives else { return };
         let [.., row] = others.rows.split_mut(&mut state.extra);
