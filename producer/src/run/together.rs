@@ -101,7 +101,7 @@ impl Together {
                     break ended;
                 }
                 let to_next = members.iter().map(|member| member.simulation.steps_to_next());
-                let made = lanes.advance(to_next.min().unwrap_or(1));
+                let made = lanes.advance(to_next.min().unwrap_or(1)); // integers
                 for member in &mut members {
                     member.simulation.state.step += made;
                 }

@@ -21,7 +21,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Bead-steps of a measurement.
-const BEAD_STEPS: u64 = 40_000_000;
+const BEAD_STEPS: u64 = 200_000_000;
 
 /// The flags with which a user who wants a fast loop compiles it.
 const FLAGS: [&str; 4] = ["-O3", "-march=native", "-fno-math-errno", "-ffp-contract=off"];
@@ -96,7 +96,7 @@ const MORE: [(&str, &str, Floor); 4] = [
     (
         "springs at each place, N = 200",
         "[on_site]\nlinear_n_per_m = 1e5\ncubic_n_per_m3 = 1e9\n",
-        Floor::AtMost(2.5),
+        Floor::AtMost(4.0),
     ),
     ("resonators, N = 200", "[resonators]\nmass_kg = 1e-4\nstiffness_n_per_m = 1e5\n", Floor::AtMost(6.0)),
 ];
@@ -170,7 +170,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     for (what, more, floor) in MORE {
         let moments = |more: &str| {
             let config = RunConfig::from_toml(&format!("{PRESSED}{more}"))?;
-            Moments::all_moving(&config, KINDS[5].steps() / 8)
+            Moments::all_moving(&config, KINDS[5].steps() / 20)
         };
         let (with, without) = (moments(more)?, moments("")?);
         let times = |moments: &Moments| Ok(moments.ours(Arch::new()));
@@ -192,7 +192,7 @@ fn limits(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     const COUNT: usize = 1024;
     let (from, mut to) = (vec![2.0_f64; COUNT], vec![0.0; COUNT]);
     let mut row = |what, against, kind: Kind, work: &mut dyn FnMut(&[f64], &mut [f64])| {
-        let steps = kind.steps() / 4;
+        let steps = kind.steps() / 10;
         let moments = Moments::all_moving(&kind.config(), steps)?;
         let numbers = moments.bead_steps();
         let mut alone = || {
