@@ -123,8 +123,8 @@ impl Kernel {
         Self::of(&[chain], 1, arch, tile)
     }
 
-    /// A kernel for chains beside each other, as many as a register has lanes or fewer, which have nothing but contacts in common:
-    /// the number of beads, the ends and the laws.
+    /// A kernel for chains beside each other, as many as a register has lanes or fewer. They have the number of beads, the ends and the
+    /// laws in common, and no forces but those of contacts and of springs at each place.
     pub(crate) fn of_many(chains: &[&Chain], arch: Arch) -> Self {
         let width = lanes(arch);
         Self::of(chains, width, arch, TILE / width)

@@ -81,8 +81,9 @@ where
         .map(|(place, begun)| (begun.manifest, Some((place, begun.parameters, begun.takers))))
         .unzip();
     for together in Together::of(&manifests) {
-        let (start, mut failure) = (Instant::now(), None);
-        let (numbers, many) = (together.numbers().to_vec(), together.numbers().len() as f64);
+        let (mut since, mut wall_s, mut failure) = (Instant::now(), 0.0, None);
+        let numbers = together.numbers().to_vec();
+        let mut left = numbers.len();
         let mut begun: Vec<_> = numbers.iter().filter_map(|number| takers[*number].take()).collect();
         let mut of: BTreeMap<usize, _> = BTreeMap::new();
         let mut jobs = Vec::new();
@@ -92,10 +93,11 @@ where
         }
         together.run(jobs, |number, job, outcome| {
             let (place, parameters) = of[&number];
-            // chains beside each other share their time
-            let shared_s = start.elapsed().as_secs_f64() / many;
             let ended = row::<E>(sweep, parameters, job, outcome);
-            match ended.and_then(|row| row.map_or(Ok(()), |row| done(place, row, shared_s))) {
+            // chains beside each other share the time for which they are
+            wall_s += since.elapsed().as_secs_f64() / left as f64;
+            (since, left) = (Instant::now(), left - 1);
+            match ended.and_then(|row| row.map_or(Ok(()), |row| done(place, row, wall_s))) {
                 Ok(()) => ControlFlow::Continue(()),
                 Err(error) => {
                     failure = Some(error);
