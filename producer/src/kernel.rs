@@ -176,6 +176,7 @@ impl Kernel {
         let (linear, cubic) =
             (of_springs(&|sites| &sites.linear_n_per_m), of_springs(&|sites| &sites.cubic_n_per_m3));
         let contacts = Contacts {
+            arch,
             inverse_mass: &inverse_mass,
             stiffness: &stiffness,
             rest: [&rest_m, &rest_n],

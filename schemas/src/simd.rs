@@ -13,8 +13,13 @@ pub struct Group<const G: usize>(pub [f64; G]);
 /// Runs `work` with the vectors of `arch`, which it names in its loops.
 #[inline(always)]
 pub fn in_vectors<W: WithSimd>(arch: Arch, work: W) -> W::Output {
+    /// The loops are long: they are compiled once, not in each caller.
+    #[inline(never)]
+    fn in_pairs<W: WithSimd>(work: W) -> W::Output {
+        work.with_simd(Scalar128b)
+    }
     match arch {
-        Arch::Scalar => work.with_simd(Scalar128b),
+        Arch::Scalar => in_pairs(work),
         arch => arch.dispatch(work),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::layout::GROUP;
 use aligned_vec::{AVec, CACHELINE_ALIGN};
+use pulp::Arch;
 use schemas::term::{Spring, TermLaw};
 
 /// Numbers of beads and contacts that never change, in groups: of each group `1/m` (1/kg) of its beads, the stiffnesses of the contacts on
@@ -44,6 +45,7 @@ pub(super) const ANY: u8 = 16;
 /// The contacts of a chain, and `1/m` (1/kg) of its beads, each in an array of whole groups.
 #[derive(Clone, Copy)]
 pub(super) struct Contacts<'a> {
+    pub(super) arch: Arch,
     pub(super) inverse_mass: &'a [f64],
     pub(super) stiffness: &'a [f64],
     /// Overlaps (m) and forces (N) at rest.
@@ -55,7 +57,8 @@ pub(super) struct Contacts<'a> {
 
 impl Constants {
     pub(super) fn of(contacts: Contacts<'_>) -> Self {
-        let Contacts { inverse_mass, stiffness, rest, terms, springs: (springs, of_springs) } = contacts;
+        let Contacts { arch, inverse_mass, stiffness, rest, terms, springs: (springs, of_springs) } =
+            contacts;
         let has = |numbers: &[f64]| numbers.iter().any(|x| *x != 0.0);
         let (has_law, is_loaded) = (has(stiffness), rest.map(has) != [false; 2]);
         let bonds: Option<Vec<_>> = terms
@@ -63,6 +66,8 @@ impl Constants {
             .map(|(law, _)| if let TermLaw::Spring(Spring(n)) = law { Some(*n) } else { None })
             .collect();
         let kind = match bonds.as_deref() {
+            // of loops for machines without wide vectors there is one copy
+            _ if matches!(arch, Arch::Scalar) => ANY,
             Some([]) if springs == Springs::None => {
                 if is_loaded {
                     LOADED

@@ -2,7 +2,7 @@
 
 use super::constants::{ANY, BARE, CUBIC, LINEAR, QUADRATIC, SPRINGS, Springs, before_terms, has_rest};
 use super::layout::{COUNTED, GROUP, Layout};
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 use schemas::contact::Power;
 use schemas::simd::{Group, above, load, store};
 use schemas::term::{InGroups as _, Spring, TermLaw};
@@ -55,6 +55,25 @@ struct Overlaps<V> {
     closed: Group<GROUP>,
     /// The largest that counts, in each lane.
     most: V,
+}
+
+/// The forces of all terms of a group: a function of its own, compiled once for all powers.
+struct Terms<'a> {
+    laws: &'a [TermLaw],
+    stiffness: &'a [[f64; GROUP]],
+    overlaps: &'a Group<GROUP>,
+    sum: &'a mut Group<GROUP>,
+}
+
+impl WithSimd for Terms<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (law, stiffness) in self.laws.iter().zip(self.stiffness) {
+            law.add_to(simd, stiffness, self.overlaps, self.sum);
+        }
+    }
 }
 
 impl Beads<'_> {
@@ -181,9 +200,7 @@ impl Beads<'_> {
         if KIND == ANY && !terms.is_empty() {
             // copies: what a function may see that is not inlined stays in memory
             let (all, mut with_terms) = (overlaps.all, sum);
-            for (law, stiffness) in terms.iter().zip(of_terms) {
-                law.add_to(simd, stiffness, &all, &mut with_terms);
-            }
+            simd.vectorize(Terms { laws: terms, stiffness: of_terms, overlaps: &all, sum: &mut with_terms });
             sum = with_terms;
         }
         for at in (0..GROUP).step_by(S::F64_LANES) {

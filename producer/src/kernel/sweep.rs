@@ -16,6 +16,7 @@ use crate::aligned::with_room;
 use pulp::{Simd, WithSimd};
 use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser};
 use schemas::simd::{LANES, in_vectors, load, store};
+use std::marker::PhantomData;
 use std::ops::Range;
 
 /// A pass of a sweep over every bead and contact that may not be at rest.
@@ -189,9 +190,36 @@ impl<S: Simd> PowerUser for In<'_, S> {
     }
 }
 
+/// A kick, or a drift, without forces: a function of its own, compiled once for all laws.
+struct Simple<'s, 'a, L> {
+    sweep: &'s mut Sweep<'a>,
+    is_kick: bool,
+    time_s: &'s PerLane,
+    part: Range<usize>,
+    layout: PhantomData<L>,
+}
+
+impl<L: Layout> WithSimd for Simple<'_, '_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let time_s = self.time_s.load::<S>();
+        if self.is_kick {
+            self.sweep.kick::<S, L>(simd, time_s, self.part);
+        } else {
+            self.sweep.drift::<S>(simd, time_s, self.part);
+        }
+    }
+}
+
 impl Sweep<'_> {
     #[inline(always)]
     fn of_kind<S: Simd, P: Power, L: Layout>(&mut self, simd: S, power: P) {
+        // the vectors of machines that have no better ones: see `Constants::of`
+        if S::F64_LANES == 2 && cfg!(not(target_arch = "aarch64")) {
+            return self.run::<S, P, L, ANY>(simd, power);
+        }
         /// One copy of the loops for each kind.
         macro_rules! run {
             ($($power:literal: $($kind:expr),+;)+) => {
@@ -232,12 +260,15 @@ impl Sweep<'_> {
                     Pass::Stage { kick_s, drift_s } => motion(1, kick_s, drift_s),
                     Pass::StageAfterKick { kick_s, drift_s } => motion(2, kick_s, drift_s),
                     Pass::Forces => motion(0, &none, &none),
-                    Pass::Kick { kick_s } => {
-                        self.kick::<S, L, KIND>(simd, kick_s.load::<S>(), part);
-                        continue;
-                    }
-                    Pass::Drift { drift_s } => {
-                        self.drift::<S>(simd, drift_s.load::<S>(), part);
+                    Pass::Kick { kick_s: time_s } | Pass::Drift { drift_s: time_s } => {
+                        let is_kick = matches!(pass, Pass::Kick { .. });
+                        simd.vectorize(Simple {
+                            sweep: self,
+                            is_kick,
+                            time_s,
+                            part,
+                            layout: PhantomData::<L>,
+                        });
                         continue;
                     }
                 };
@@ -360,16 +391,16 @@ impl Sweep<'_> {
     }
 
     #[inline(always)]
-    fn kick<S: Simd, L: Layout, const KIND: u8>(&mut self, simd: S, kick_s: S::f64s, part: Range<usize>) {
+    fn kick<S: Simd, L: Layout>(&mut self, simd: S, kick_s: S::f64s, part: Range<usize>) {
         let motion = Motion { kicks: 1, kick_s, drift_s: kick_s };
-        let springs = self.constants.springs;
+        let (is_bare, springs) = (self.constants.kind == BARE, self.constants.springs);
         for start in part.step_by(GROUP) {
             let group = self.group(start);
-            if KIND == BARE && !(group.presses[0] | group.presses[1]) {
+            if is_bare && !(group.presses[0] | group.presses[1]) {
                 continue;
             }
             for at in (0..GROUP).step_by(S::F64_LANES) {
-                let net = group.net_n::<S, L, KIND>(simd, springs, at);
+                let net = group.net_n::<S, L, ANY>(simd, springs, at);
                 let inverse_mass = load::<S>(&group.constants[0], at);
                 let velocity = motion.kicked(simd, inverse_mass, net, load::<S>(group.v, at));
                 store::<S>(velocity, group.v, at);
