@@ -8,6 +8,7 @@ mod splitting;
 use crate::aligned::Padded;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
+use crate::tangents::{NoTangent, Tangents};
 use gear::{Gear, taylor_terms};
 pub use lanes::Lanes;
 pub(crate) use lanes::Shape;
@@ -64,6 +65,36 @@ impl Integrator {
             Method::Rk5 => ByMethod::Runge(Box::new(Runge::new(physics, &chain, kernel))),
         };
         Self { by_method }
+    }
+
+    /// The integrator of a run that carries `count` tangents with the states, all zero at first. It makes the same states.
+    ///
+    /// # Errors
+    /// When the derivatives of the run's steps are not computed.
+    ///
+    /// # Panics
+    /// Where [`new`](Self::new) does.
+    pub fn with_tangents(physics: &Physics, count: usize) -> Result<Self, NoTangent> {
+        Self::carrying(physics, count, Arch::new())
+    }
+
+    /// Like [`with_tangents`](Self::with_tangents), with a given instruction set.
+    fn carrying(physics: &Physics, count: usize, arch: Arch) -> Result<Self, NoTangent> {
+        Tangents::check(physics.method)?;
+        let mut integrator = Self::with_arch(physics, arch);
+        if let ByMethod::Splitting(splitting) = &mut integrator.by_method {
+            let chain = physics.chain();
+            splitting.carry(Tangents::of(physics, &chain, count, arch), physics, &chain);
+        }
+        Ok(integrator)
+    }
+
+    /// The tangents of the state stepped to last, if it carries any.
+    pub fn tangents(&mut self) -> Option<&mut Tangents> {
+        match &mut self.by_method {
+            ByMethod::Splitting(splitting) => splitting.tangents(),
+            ByMethod::Gear(_) | ByMethod::Runge(_) => None,
+        }
     }
 
     /// Advances `state` by one step.

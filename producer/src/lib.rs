@@ -17,6 +17,7 @@ pub mod run;
 pub mod state;
 pub mod step_time;
 pub mod sweep;
+pub mod tangents;
 pub mod time_step;
 pub mod twins;
 pub mod verification;

@@ -10,6 +10,7 @@ use crate::drives::{Drives, Now};
 use crate::kernel::{Activity, Kernel, Pass, PerLane};
 use crate::pieces::Knots;
 use crate::state::ChainState;
+use crate::tangents::Tangents;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -91,8 +92,10 @@ pub(crate) struct Splitting {
     steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
-    /// Drives and resonators, if there is more than contacts, springs and walls that stand still.
+    /// Drives and resonators, if there is more than contacts, springs and walls that stand still, or if tangents are carried.
     others: Option<Others>,
+    /// Changes of the state that it carries with it.
+    tangents: Option<Tangents>,
 }
 
 /// Drives and resonators.
@@ -118,15 +121,14 @@ struct Others {
     inverse_resonator: Vec<f64>,
 }
 
-impl Splitting {
-    /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
-    pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
+impl Others {
+    fn of(physics: &Physics, chain: &Chain) -> Self {
         let drives = Drives::of(&physics.drives, physics.dt_s);
-        let resonators = kernel.sites().has_resonators();
-        let others = (drives.is_some() || resonators).then(|| Others {
+        let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
+        Self {
             rows: physics.rows(),
             mass_kg: chain.mass_kg.clone(),
-            is_at_walls: !resonators && drives.as_ref().is_some_and(Drives::are_at_walls),
+            is_at_walls: !chain.sites.has_resonators() && drives.as_ref().is_some_and(Drives::are_at_walls),
             drives,
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
@@ -134,18 +136,34 @@ impl Splitting {
             before_kick: Vec::new(),
             moments: Vec::new(),
             net_n: vec![0.0; chain.bead_count()],
-            inverse_resonator: {
-                let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
-                chain.sites.resonator_kg.iter().map(inverse).collect()
-            },
-        });
+            inverse_resonator: chain.sites.resonator_kg.iter().map(inverse).collect(),
+        }
+    }
+}
+
+impl Splitting {
+    /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
+    pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
+        let has_others = !physics.drives.is_empty() || chain.sites.has_resonators();
+        let others = has_others.then(|| Others::of(physics, chain));
         Self { others, ..Self::without_drives(stages, PerLane::same(physics.dt_s), kernel) }
     }
 
     /// Makes steps of `dt_s` by `stages`, with the forces of `kernel` and no others.
     pub(crate) fn without_drives(stages: Stages, dt_s: PerLane, kernel: Kernel) -> Self {
-        let (passes, others) = (Vec::new(), None);
-        Self { kernel, stages, dt_s, passes, steps_together: 0, forces_of_step: None, others }
+        let (passes, others, tangents) = (Vec::new(), None, None);
+        Self { kernel, stages, dt_s, passes, steps_together: 0, forces_of_step: None, others, tangents }
+    }
+
+    /// Carries `tangents` with the states of this run of `physics` and `chain`, from the state on that it is given next.
+    pub(crate) fn carry(&mut self, tangents: Tangents, physics: &Physics, chain: &Chain) {
+        self.others.get_or_insert_with(|| Others::of(physics, chain)).is_at_walls = false;
+        (self.tangents, self.forces_of_step) = (Some(tangents), None);
+    }
+
+    /// The tangents of the state stepped to last.
+    pub(crate) fn tangents(&mut self) -> Option<&mut Tangents> {
+        self.tangents.as_mut()
     }
 
     /// The step (s) of the only chain.

@@ -1,4 +1,5 @@
 mod naive;
+mod tangents;
 
 use super::*;
 use schemas::config::{DampingConfig, End, MassRule, Profile, RunConfig, SecondPower, StiffnessRule};

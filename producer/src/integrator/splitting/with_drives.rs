@@ -45,8 +45,15 @@ impl Splitting {
             after += a;
             let when = if stage == last { piece.end() } else { piece.within(after * dt_s) };
             self.drift_with(others, drift_s, when, state);
+            if let Some(tangents) = &mut self.tangents {
+                tangents.stage(b * dt_s, drift_s);
+                tangents.look(&state.u_m, others.walls_m());
+            }
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
+        if let Some(tangents) = &mut self.tangents {
+            tangents.stage(self.stages.last_kick * dt_s, 0.0);
+        }
         if let Some(drives) = &others.drives {
             finish_piece(drives, others, state);
         }
@@ -138,6 +145,9 @@ impl Splitting {
             self.kernel.move_walls(walls_at(drives, &others.now));
         }
         self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
+        if let Some(tangents) = &mut self.tangents {
+            tangents.look(&state.u_m, others.walls_m());
+        }
     }
 
     /// Puts the walls and beads that drives move at their places at `when`.
@@ -231,6 +241,13 @@ impl Splitting {
                 }
             },
         );
+    }
+}
+
+impl Others {
+    /// The places of the walls (m).
+    fn walls_m(&self) -> [f64; 2] {
+        self.drives.as_ref().map_or([0.0; 2], |drives| walls_at(drives, &self.now))
     }
 }
 

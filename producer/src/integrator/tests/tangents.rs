@@ -1,0 +1,280 @@
+//! Tangents are the derivatives of the steps.
+
+use super::*;
+
+/// Chains with drives and resonators, as a configuration has them beside its chain.
+fn driven() -> Vec<Variant> {
+    fn with(config: &mut RunConfig, toml: &str) {
+        let chain = "[chain]\nbeads = 2\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n";
+        let time = "[striker]\nbead = 0\nvelocity_m_s = 1.0\n[time]\nduration_s = 1e-3\n";
+        let read = RunConfig::from_toml(&format!("{chain}{toml}{time}")).expect("valid");
+        (config.drive, config.resonators) = (read.drive, read.resonators);
+        (config.on_site, config.ends) = (read.on_site, read.ends);
+    }
+    vec![
+        ("a bead that is pushed", |c| {
+            with(c, "[[drive]]\nbead = 1\nforce_n = { sine = { amplitude = 3.0, frequency_hz = 1e4 } }\n");
+        }),
+        ("a bead that is moved", |c| {
+            let toml =
+                "[[drive]]\nbead = 1\ndisplacement_m = { sine = { amplitude = 1e-6, frequency_hz = 1e4 } }\n";
+            with(c, toml);
+        }),
+        ("a bead whose velocity is told", |c| {
+            with(
+                c,
+                "[[drive]]\nbead = 0\nvelocity_m_s = { sine = { amplitude = 0.1, frequency_hz = 1e4 } }\n",
+            );
+        }),
+        ("a wall that is moved", |c| {
+            let toml = "[[drive]]\nwall = \"left\"\ndisplacement_m = { sine = { amplitude = 1e-6, frequency_hz = 1e4 } }\n";
+            with(c, &format!("[ends]\nleft = \"fixed\"\n{toml}"));
+        }),
+        ("resonators, springs and a bead that is moved", |c| {
+            let sites =
+                "[resonators]\nmass_kg = 5e-4\nstiffness_n_per_m = 1e6\n[on_site]\nlinear_n_per_m = 1e5\n";
+            let drive =
+                "[[drive]]\nbead = 1\ndisplacement_m = { sine = { amplitude = 1e-6, frequency_hz = 1e4 } }\n";
+            with(c, &format!("{sites}{drive}"));
+        }),
+    ]
+}
+
+/// Steps of a run.
+const STEPS: u64 = 20;
+
+/// A number of no pattern, from −1 to 1.
+fn some(index: usize) -> f64 {
+    ((index * index * 7 + index * 3 + 1) % 101) as f64 / 50.0 - 1.0
+}
+
+/// The state `start`, changed by `factor` times `tangent`.
+fn changed(start: &ChainState, tangent: &[f64], factor: f64) -> ChainState {
+    let (mut state, beads) = (start.clone(), start.u_m.len());
+    for i in 0..beads {
+        state.u_m[i] += factor * tangent[i];
+        state.v_m_s[i] += factor * tangent[beads + i];
+    }
+    state.extra.iter_mut().zip(&tangent[2 * beads..]).for_each(|(x, change)| *x += factor * change);
+    state
+}
+
+/// The state after some steps as the numbers of a tangent.
+fn end(physics: &Physics, mut state: ChainState, dimension: usize) -> Vec<f64> {
+    let mut integrator = Integrator::new(physics);
+    while state.step < STEPS {
+        integrator.advance(&mut state, STEPS);
+    }
+    let numbers = state.u_m.iter().chain(state.v_m_s.iter()).chain(state.extra.iter());
+    numbers.copied().take(dimension).collect()
+}
+
+/// Every kind of chain, with drives of every kind, at lengths where a register ends and in between.
+#[test]
+fn tangents_are_differences_of_neighbouring_runs_on_every_kind_of_chain() {
+    let mut archs = vec![Arch::Scalar, Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    let (mut tried, mut with_drives, mut with_resonators) = (0, 0, 0);
+    for beads in [2, 3, 8, 17, 32, 33] {
+        for method in [Method::VelocityVerlet, Method::Rkn4] {
+            for alpha in [1.0, 1.5, 1.3, 3.0] {
+                for (name, kind) in kinds().into_iter().chain(driven()) {
+                    let mut config = PRESETS[0].config();
+                    (config.chain.beads, config.chain.alpha, config.integrator.method) =
+                        (beads, alpha, method);
+                    config.chain.impurities.clear();
+                    kind(&mut config);
+                    let Ok(physics) = Physics::resolve(&config) else { continue };
+                    let (u_m, v_m_s): (Vec<_>, Vec<_>) = (0..beads)
+                        .map(|i| (4.1e-6 * some(i as usize), 0.1 * ((i * 5) % 7) as f64 - 0.3))
+                        .unzip();
+                    let start = ChainState::starting_at(&physics, &u_m, &v_m_s);
+                    let what = format!("{beads} beads, {method}, α = {alpha}, {name}");
+
+                    let mut integrator =
+                        Integrator::with_tangents(&physics, 11).expect("a method of kicks and drifts");
+                    let carried = integrator.tangents().expect("carried");
+                    let (dimension, free) = (carried.dimension(), carried.free());
+                    let halves = dimension / u_m.len();
+                    // a metre of displacement counts as much as a metre a collision time of velocity
+                    let units: Vec<f64> = (0..dimension)
+                        .map(|i| if i / u_m.len() % 2 == 0 { 1.0 } else { 1.0 / physics.scales().time_s })
+                        .collect();
+                    let begin = |number: usize| -> Vec<f64> {
+                        (0..dimension)
+                            .map(|i| if free[i] { some(i + number * dimension) * units[i] } else { 0.0 })
+                            .collect()
+                    };
+                    (0..11).for_each(|number| carried.set(number, &begin(number)));
+                    let mut state = start.clone();
+                    while state.step < STEPS {
+                        integrator.advance(&mut state, STEPS);
+                    }
+                    assert_eq!(bits(&state), bits(&run_alone(&physics, &start)), "{what}: the states");
+                    let carried = integrator.tangents().expect("carried");
+                    for number in [0, 10] {
+                        let (found, factor) = (carried.tangent(number), 1e-6 * physics.scales().length_m);
+                        let [up, down] = [factor, -factor]
+                            .map(|factor| end(&physics, changed(&start, &begin(number), factor), dimension));
+                        let largest = found
+                            .iter()
+                            .zip(&units)
+                            .fold(0.0, |most: f64, (x, unit)| most.max((x / unit).abs()));
+                        for i in 0..dimension {
+                            let expected = (up[i] - down[i]) / (2.0 * factor);
+                            let error = ((found[i] - expected) / units[i]).abs() / largest;
+                            // in a contact that opens a slope has no slope of its own: √ε of it, in ε of the time
+                            assert!(error < 2e-5, "{what}, {i}: {} for {expected}: {error:e}", found[i]);
+                        }
+                    }
+                    for arch in &archs {
+                        let mut one = Integrator::carrying(&physics, 1, *arch).expect("such a method");
+                        one.tangents().expect("carried").set(0, &begin(10));
+                        let mut state = start.clone();
+                        while state.step < STEPS {
+                            one.step(&mut state);
+                        }
+                        let one = one.tangents().expect("carried").tangent(0);
+                        assert_eq!(
+                            one,
+                            integrator.tangents().expect("carried").tangent(10),
+                            "{what}, {arch:?}, alone"
+                        );
+                    }
+                    tried += 1;
+                    with_drives += usize::from(!physics.drives.is_empty());
+                    with_resonators += usize::from(halves == 4);
+                }
+            }
+        }
+    }
+    assert!(
+        tried > 500 && with_drives > 150 && with_resonators > 40,
+        "{tried}, {with_drives}, {with_resonators}"
+    );
+}
+
+fn run_alone(physics: &Physics, start: &ChainState) -> ChainState {
+    let (mut state, mut integrator) = (start.clone(), Integrator::new(physics));
+    while state.step < STEPS {
+        integrator.advance(&mut state, STEPS);
+    }
+    state
+}
+
+/// The map of many steps keeps the area of every pair of tangents: `Mᵀ·J·M = J`, with momenta in place of velocities.
+#[test]
+fn the_map_of_ten_thousand_steps_is_symplectic() {
+    for method in [Method::VelocityVerlet, Method::Rkn4] {
+        let physics = physics(|c| {
+            (c.chain.beads, c.integrator.method) = (6, method);
+            c.chain.masses = MassRule::PatternKg(vec![1e-3, 3e-3]);
+            c.chain.impurities.clear();
+            (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
+            c.load.precompression_n = 20.0;
+            c.striker.velocity_m_s = 0.01;
+        });
+        let (mass, time_s) = (physics.chain().mass_kg, physics.scales().time_s);
+        let mut integrator = Integrator::with_tangents(&physics, 12).expect("symplectic");
+        for i in 0..12 {
+            let mut unit = vec![0.0; 12];
+            unit[i] = if i < 6 { 1.0 } else { 1.0 / time_s };
+            integrator.tangents().expect("carried").set(i, &unit);
+        }
+        let mut state = ChainState::initial(&physics);
+        let area = |carried: &Tangents, a: usize, b: usize| -> f64 {
+            let (a, b) = (carried.tangent(a), carried.tangent(b));
+            (0..6).map(|i| mass[i] * (a[i] * b[6 + i] - a[6 + i] * b[i])).sum::<f64>() * time_s / mass[0]
+        };
+        let pairs = || (0..12).flat_map(|a| (0..12).map(move |b| (a, b)));
+        let carried = integrator.tangents().expect("carried");
+        let before: Vec<f64> = pairs().map(|(a, b)| area(carried, a, b)).collect();
+        while state.step < 10_000 {
+            integrator.advance(&mut state, 10_000);
+        }
+        let carried = integrator.tangents().expect("carried");
+        let largest = (0..12)
+            .flat_map(|a| carried.tangent(a)[..6].to_vec())
+            .fold(0.0, |most: f64, x| most.max(x.abs()));
+        for ((a, b), before) in pairs().zip(before) {
+            let error = (area(carried, a, b) - before).abs();
+            // roundings of 10^4 steps, of products of entries that have grown
+            assert!(error < 1e-10 * largest.max(1.0), "{method}, {a}, {b}: {error:e}, largest {largest}");
+        }
+    }
+}
+
+/// The growths of `tests/reference/tangents.csv`, by methods of higher orders, in units of their own.
+#[test]
+fn growths_are_those_of_another_program() {
+    let mut rows = 0;
+    for line in include_str!("../../../../tests/reference/tangents.csv").lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let number = |place: usize| -> f64 { fields[place].parse().expect("a number") };
+        let (case, until, expected, tolerance) = (fields[0], number(1), number(2), number(3));
+        let (config, start, tangent) = reference(case);
+        // where no contact opens errors fall by h⁴, at openings by h^1.5
+        let opens = case.ends_with("open");
+        let [coarse, fine] = if opens { [4.0, 8.0] } else { [1.0, 2.0] }.map(|finer| {
+            let mut config = config.clone();
+            let steps = until / 0.02 * finer;
+            config.time.dt_s = Some(until / steps);
+            config.time.duration_s = until;
+            let physics = Physics::resolve(&config).expect("valid");
+            let beads = usize::try_from(physics.beads).expect("few");
+            let mut state = ChainState::starting_at(&physics, &vec![0.0; beads], &start);
+            let mut integrator = Integrator::with_tangents(&physics, 1).expect("rkn4");
+            integrator.tangents().expect("carried").set(0, &tangent);
+            while (state.step as f64) < steps {
+                integrator.step(&mut state);
+            }
+            let norm =
+                integrator.tangents().expect("carried").tangent(0).iter().map(|x| x * x).sum::<f64>().sqrt();
+            norm.ln() / until
+        });
+        let found = if opens { fine } else { fine + (fine - coarse) / 15.0 };
+        assert!((found - expected).abs() < tolerance, "{line}: {found}, off by {:e}", found - expected);
+        rows += 1;
+    }
+    assert!(rows >= 20, "{rows}");
+}
+
+/// A chain, its first velocities and tangent, of a case of the reference.
+fn reference(case: &str) -> (RunConfig, Vec<f64>, Vec<f64>) {
+    let beads = if case.starts_with("A1-ring") { 32 } else { 16 };
+    let mut config = PRESETS[0].config();
+    config.chain.impurities.clear();
+    (config.chain.beads, config.chain.bead_mass_kg, config.chain.stiffness) = (beads, 1.0, 1.0);
+    config.integrator.method = Method::Rkn4;
+    config.striker.velocity_m_s = 1.0;
+    let is_bonded = case.starts_with("A1");
+    if is_bonded {
+        let laws = [(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(Spring(3)), 1.0)];
+        config.chain.bonds = Some(schemas::config::Bonds::from_iter(laws));
+    } else {
+        config.load.precompression_n = 1.0;
+    }
+    let (count, pi) = (beads as f64, std::f64::consts::PI);
+    let end = if beads == 32 { End::Periodic } else { End::Fixed };
+    (config.ends.left, config.ends.right) = (end, end);
+    let size = case.rsplit("-E").next().and_then(|size| size.parse::<f64>().ok());
+    let velocity = |i: f64| match (size, case) {
+        (Some(size), _) => {
+            size.sqrt()
+                * (1..5).map(|j| (2.0 * pi * f64::from(j) * i / 32.0 + f64::from(j * j)).cos()).sum::<f64>()
+        }
+        (None, "A1-fixed16") => 1.4 * (1.3 * i + 0.4).sin(),
+        (None, "A2-loaded16") => 0.6 * (1.3 * i + 0.4).sin(),
+        (None, _) => 1.6 * (1.3 * i + 0.4).sin(),
+    };
+    let shape = |i: f64| match size {
+        Some(_) => (2.0 / count).sqrt() * (2.0 * pi * 5.0 * i / count).cos(),
+        None => (2.0 / (count + 1.0)).sqrt() * (3.0 * pi * (i + 1.0) / (count + 1.0)).sin(),
+    };
+    let places = || (0..beads).map(|i| i as f64);
+    let (zeros, shapes) =
+        (vec![0.0; usize::try_from(beads).expect("few")], places().map(shape).collect::<Vec<_>>());
+    let tangent = if size == Some(0.1) { [zeros, shapes].concat() } else { [shapes, zeros].concat() };
+    (config, places().map(velocity).collect(), tangent)
+}

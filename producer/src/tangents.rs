@@ -1,0 +1,279 @@
+//! Tangents of a run: small changes of its state, carried through the operations of its steps.
+//!
+//! A change `(δu, δv)` of a state changes all later ones, to first order by the derivative of each operation: a kick adds
+//! `(h/m)·(s_left·(δu_left − δu) − s_right·(δu − δu_right))` with the slopes `s` of the contacts where the beads are, a drift adds `d·δv`.
+//! So a tangent is the derivative of the computed steps, not of the motion that they stand for, and the map of a step of a symplectic
+//! method is a symplectic matrix, to rounding.
+//!
+//! Tangents lie beside each other in the lanes of registers, eight in a block. Their bits are the same at any width, and depend neither on
+//! how many there are nor on where anyone looks.
+
+mod slopes;
+
+use crate::drives::{Acts, Drives};
+use pulp::{Arch, Simd, WithSimd};
+use schemas::chain::Chain;
+use schemas::manifest::Physics;
+use schemas::method::Method;
+use schemas::philox::uniform;
+use schemas::simd::{Group, LANES, in_vectors, load, ordered_sum, store, vectorized};
+use slopes::Slopes;
+
+/// Changes of the state of a run, each of [`dimension`](Self::dimension) numbers: of the displacements of all beads (m), their velocities
+/// (m/s), and, where they have resonators, of the displacements and velocities of those.
+#[derive(Debug, Clone)]
+pub struct Tangents {
+    arch: Arch,
+    count: usize,
+    blocks: Vec<Block>,
+    slopes: Slopes,
+    masses: Masses,
+    is_ring: bool,
+}
+
+/// Numbers of beads or resonators, for eight tangents.
+type Numbers = Vec<Group<LANES>>;
+
+/// Eight tangents: of displacements, velocities, and those of resonators.
+#[derive(Debug, Clone)]
+struct Block([Numbers; 4]);
+
+/// Masses (kg), and `1/m` (1/kg), 0 where nothing changes: where a drive prescribes the motion, or no resonator is.
+#[derive(Debug, Clone)]
+struct Masses {
+    inverse_mass: Vec<f64>,
+    mass_kg: Vec<f64>,
+    /// Of resonators, and the stiffness of their springs (N/m); N values each, or none.
+    inverse_resonator: Vec<f64>,
+    resonator_kg: Vec<f64>,
+    resonator_n_per_m: Vec<f64>,
+}
+
+/// Reason why a run has no tangent.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the derivatives of steps by {0} are not computed; choose velocity-verlet or rkn4, which take no damping and no drag"
+)]
+pub struct NoTangent(Method);
+
+impl Tangents {
+    /// Makes `count` tangents, all zero, of a run of `physics` and `chain`.
+    pub(crate) fn of(physics: &Physics, chain: &Chain, count: usize, arch: Arch) -> Self {
+        let sites = &chain.sites;
+        let inverse = |mass_kg: &f64| if *mass_kg > 0.0 { 1.0 / mass_kg } else { 0.0 };
+        let mut masses = Masses {
+            inverse_mass: chain.mass_kg.iter().map(inverse).collect(),
+            mass_kg: chain.mass_kg.clone(),
+            inverse_resonator: sites.resonator_kg.iter().map(inverse).collect(),
+            resonator_kg: sites.resonator_kg.clone(),
+            resonator_n_per_m: sites.resonator_n_per_m.clone(),
+        };
+        if let Some(drives) = Drives::of(&physics.drives, physics.dt_s) {
+            for d in 0..drives.count() {
+                if let Acts::Moves(bead) = drives.acts(d) {
+                    masses.inverse_mass[bead] = 0.0;
+                }
+            }
+        }
+        let zeros = |count: usize| vec![Group([0.0; LANES]); count];
+        let (beads, resonators) = (chain.bead_count(), sites.resonator_kg.len());
+        let block = Block([zeros(beads), zeros(beads), zeros(resonators), zeros(resonators)]);
+        Self {
+            arch,
+            count,
+            blocks: vec![block; count.div_ceil(LANES)],
+            slopes: Slopes::of(chain),
+            masses,
+            is_ring: chain.is_ring,
+        }
+    }
+
+    /// Refuses a method of whose steps the derivatives are not computed.
+    pub(crate) fn check(method: Method) -> Result<(), NoTangent> {
+        if matches!(method, Method::VelocityVerlet | Method::Rkn4) { Ok(()) } else { Err(NoTangent(method)) }
+    }
+
+    /// Number of tangents.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Numbers of a tangent: 2N, or 4N with resonators.
+    pub fn dimension(&self) -> usize {
+        self.blocks.first().map_or(0, |block| block.0.iter().map(Vec::len).sum())
+    }
+
+    /// The tangent of that number.
+    ///
+    /// # Panics
+    /// When there are not so many.
+    pub fn tangent(&self, number: usize) -> Vec<f64> {
+        assert!(number < self.count, "{number} of {} tangents", self.count);
+        let rows = &self.blocks[number / LANES].0;
+        rows.iter().flatten().map(|group| group.0[number % LANES]).collect()
+    }
+
+    /// Makes `numbers` the tangent of that number. Changes of what drives prescribe are none.
+    ///
+    /// # Panics
+    /// When there are not so many tangents, or numbers.
+    pub fn set(&mut self, number: usize, numbers: &[f64]) {
+        assert!(number < self.count && numbers.len() == self.dimension(), "no tangent of this chain");
+        let free = self.free();
+        let rows = &mut self.blocks[number / LANES].0;
+        for (i, (group, x)) in rows.iter_mut().flatten().zip(numbers).enumerate() {
+            group.0[number % LANES] = if free[i] { *x } else { 0.0 };
+        }
+    }
+
+    /// True for each number of a tangent that can be other than zero.
+    pub fn free(&self) -> Vec<bool> {
+        let [beads, resonators] = [&self.masses.inverse_mass, &self.masses.inverse_resonator];
+        [beads, beads, resonators, resonators].into_iter().flatten().map(|inverse| *inverse > 0.0).collect()
+    }
+
+    /// Weights of the numbers of a tangent in its norm `|w|² = Σ m·((δu/T)² + δv²)`, with a time `T` (s).
+    pub fn weights(&self, time_s: f64) -> Vec<f64> {
+        let per_square = 1.0 / (time_s * time_s);
+        let [beads, resonators] = [&self.masses.mass_kg, &self.masses.resonator_kg];
+        let rows = [(beads, per_square), (beads, 1.0), (resonators, per_square), (resonators, 1.0)];
+        rows.into_iter().flat_map(|(masses, factor)| masses.iter().map(move |mass| mass * factor)).collect()
+    }
+
+    /// Begins with tangents that are orthogonal to each other, of norm 1 by `weights`: the unit vectors if there is one for each free
+    /// number, which then pair exactly (those of displacements first, those of velocities backwards); else some of no direction in particular.
+    pub fn spread(&mut self, weights: &[f64]) {
+        let free = self.free();
+        let dimension = free.len();
+        let (beads, resonators) = (self.masses.inverse_mass.len(), self.masses.inverse_resonator.len());
+        let [u, v, w, w_v] = [0, beads, 2 * beads, 2 * beads + resonators];
+        let places = (u..v).chain(w..w_v).chain((w_v..dimension).rev()).chain((v..w).rev());
+        let order: Vec<usize> = places.filter(|place| free[*place]).collect();
+        for number in 0..self.count {
+            let mut unit = vec![0.0; dimension];
+            if self.count == order.len() {
+                unit[order[number]] = 1.0;
+            } else {
+                for (index, x) in unit.iter_mut().enumerate() {
+                    *x = uniform(0, 0, (number * dimension + index) as u64) - 0.5;
+                }
+            }
+            self.set(number, &unit);
+        }
+        self.orthonormalise(weights);
+    }
+
+    /// Makes each tangent orthogonal to those before it and of norm 1 (Gram and Schmidt); gives the norms that they had.
+    pub fn orthonormalise(&mut self, weights: &[f64]) -> Vec<f64> {
+        let mut all: Vec<Vec<f64>> = (0..self.count).map(|number| self.tangent(number)).collect();
+        let arch = self.arch;
+        let norms = (0..all.len()).map(|number| {
+            let (before, rest) = all.split_at_mut(number);
+            let one = &mut rest[0];
+            vectorized(
+                arch,
+                #[inline(always)]
+                || {
+                    for other in before {
+                        let part = dot(weights, other, one);
+                        one.iter_mut().zip(other).for_each(|(x, y)| *x -= part * *y);
+                    }
+                    let norm = dot(weights, one, one).sqrt();
+                    let factor = 1.0 / norm;
+                    one.iter_mut().for_each(|x| *x *= factor);
+                    norm
+                },
+            )
+        });
+        let norms = norms.collect();
+        for (number, numbers) in all.iter().enumerate() {
+            self.set(number, numbers);
+        }
+        norms
+    }
+
+    /// Finds the slopes where the beads are at `u_m` and the walls at `walls_m` (m).
+    pub(crate) fn look(&mut self, u_m: &[f64], walls_m: [f64; 2]) {
+        let slopes = &mut self.slopes;
+        vectorized(
+            self.arch,
+            #[inline(always)]
+            || slopes.find(u_m, walls_m),
+        );
+    }
+
+    /// Makes a kick of `kick_s` and a drift of `drift_s`.
+    pub(crate) fn stage(&mut self, kick_s: f64, drift_s: f64) {
+        for block in &mut self.blocks {
+            let (slopes, masses) = (&self.slopes, &self.masses);
+            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, kick_s, drift_s });
+        }
+    }
+}
+
+/// `Σ weight·a·b`.
+#[inline(always)]
+fn dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    ordered_sum([weights, a, b], |[weight, a, b]| weight * (a * b))
+}
+
+/// A kick and a drift of a block.
+struct Stage<'a> {
+    block: &'a mut Block,
+    slopes: &'a Slopes,
+    masses: &'a Masses,
+    is_ring: bool,
+    kick_s: f64,
+    drift_s: f64,
+}
+
+impl WithSimd for Stage<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        for at in (0..LANES).step_by(S::F64_LANES) {
+            self.move_lanes(simd, at);
+        }
+    }
+}
+
+impl Stage<'_> {
+    /// Moves the tangents of a register, which begins at number `at` of a group.
+    #[inline(always)]
+    fn move_lanes<S: Simd>(&mut self, simd: S, at: usize) {
+        let [u, v, w, w_v] = &mut self.block.0;
+        let beads = u.len();
+        let Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. } = self.masses;
+        let (v, contacts, inverse_mass) =
+            (&mut v[..beads], &self.slopes.contacts[..=beads], &inverse_mass[..beads]);
+        let springs = &self.slopes.springs;
+        let get = |group: &Group<LANES>| load::<S>(&group.0, at);
+        let splat = |x: f64| simd.splat_f64s(x);
+        let (none, drift) = (splat(0.0), splat(self.drift_s));
+        let (before, behind) = if self.is_ring { (get(&u[beads - 1]), get(&u[0])) } else { (none, none) };
+        let mut here = get(&u[0]);
+        let mut left = simd.mul_f64s(splat(contacts[0]), simd.sub_f64s(before, here));
+        for i in 0..beads {
+            let next = if i + 1 < beads { get(&u[i + 1]) } else { behind };
+            let right = simd.mul_f64s(splat(contacts[i + 1]), simd.sub_f64s(here, next));
+            let mut net = simd.sub_f64s(left, right);
+            if let Some(slope) = springs.get(i) {
+                net = simd.sub_f64s(net, simd.mul_f64s(splat(*slope), here));
+            }
+            if let Some(inverse) = inverse_resonator.get(i) {
+                let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
+                net = simd.add_f64s(net, pull);
+                let change = simd.mul_f64s(splat(self.kick_s * inverse), pull);
+                let velocity = simd.sub_f64s(get(&w_v[i]), change);
+                store::<S>(velocity, &mut w_v[i].0, at);
+                store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
+            }
+            let change = simd.mul_f64s(splat(self.kick_s * inverse_mass[i]), net);
+            let velocity = simd.add_f64s(get(&v[i]), change);
+            store::<S>(velocity, &mut v[i].0, at);
+            store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
+            (left, here) = (right, next);
+        }
+    }
+}
