@@ -13,6 +13,7 @@
 
 use crate::kernel::Activity;
 use crate::state::ChainState;
+use crate::tangents::slopes::Slopes;
 use pulp::Arch;
 use schemas::chain::Chain;
 use schemas::damping::Damping;
@@ -20,7 +21,6 @@ use schemas::drive::{Place, Quantity};
 use schemas::functions::ln;
 use schemas::manifest::Physics;
 use schemas::simd::{ordered_sum, vectorized};
-use schemas::term::TermLaw;
 use std::ops::Range;
 
 /// Time between two looks in units of the longest step that a run may have, a quarter of the collision time of its lightest bead.
@@ -61,7 +61,7 @@ pub struct Lost {
 #[derive(Debug, Clone)]
 pub struct Growth {
     chain: Chain,
-    laws: Vec<TermLaw>,
+    slopes: Slopes,
     dashpot_n_s_per_m: f64,
     /// Beads whose motion is prescribed.
     moved: Vec<usize>,
@@ -78,11 +78,8 @@ pub struct Growth {
     kick_s_per_kg: Vec<f64>,
     /// ± a rounding for each bead.
     rounding: Vec<f64>,
-    /// The slope of each contact (N/m), and the force (N) of a law, or of the differences.
-    slope: Vec<f64>,
+    /// The force (N) of the differences in each contact.
     force_n: Vec<f64>,
-    /// The overlap (m) of each contact.
-    overlap_m: Vec<f64>,
     /// The time (s) and the difference of the last look at which it was below [`MEASURED`].
     small: (f64, f64),
     began_s: Option<f64>,
@@ -104,8 +101,6 @@ impl Growth {
             return None;
         }
         let chain = physics.chain();
-        let mut laws = vec![TermLaw::Power(chain.law.clone())];
-        laws.extend(chain.terms.iter().map(|term| term.law.clone()));
         let moved = physics.drives.iter().filter_map(|drive| match (drive.at, drive.prescribes) {
             (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) => usize::try_from(bead).ok(),
             _ => None,
@@ -120,7 +115,7 @@ impl Growth {
         let sign = |bead: usize| if hash(bead as u64) & 1 == 0 { ROUNDING } else { -ROUNDING };
         let scales = physics.scales();
         Some(Self {
-            laws,
+            slopes: Slopes::of(&chain),
             dashpot_n_s_per_m,
             moved: moved.collect(),
             dt_s: physics.dt_s,
@@ -136,9 +131,7 @@ impl Growth {
                 .map(|mass_kg| every as f64 * physics.dt_s / mass_kg)
                 .collect(),
             rounding: (0..beads).map(sign).collect(),
-            slope: vec![0.0; beads],
             force_n: vec![0.0; beads],
-            overlap_m: vec![0.0; beads],
             small: (0.0, 0.0),
             began_s: None,
             lost: None,
@@ -172,7 +165,7 @@ impl Growth {
             Arch::new(),
             #[inline(always)]
             || {
-                self.find_slopes(&state.u_m, &beads);
+                self.slopes.find(&state.u_m, self.chain.walls_m(&state.extra), &beads);
                 self.kick(state, &beads);
                 self.drift(state, &beads);
             },
@@ -188,32 +181,12 @@ impl Growth {
         beads.start.saturating_sub(1)..beads.end.min(self.chain.contact_count()) // integers
     }
 
-    #[inline(always)]
-    fn find_slopes(&mut self, u_m: &[f64], beads: &Range<usize>) {
-        let contacts = self.contacts_of(beads);
-        let u_m = &u_m[contacts.start..=contacts.end];
-        let rest_m = &self.chain.rest_overlap_m[contacts.clone()];
-        let (slope, force_n) = (&mut self.slope[contacts.clone()], &mut self.force_n[contacts.clone()]);
-        slope.fill(0.0);
-        let overlap_m = &mut self.overlap_m[contacts.clone()];
-        for c in 0..slope.len() {
-            overlap_m[c] = (u_m[c] - u_m[c + 1]) + rest_m[c];
-        }
-        let terms = self.chain.terms.iter().map(|term| &term.stiffness);
-        for (law, stiffness) in self.laws.iter().zip(std::iter::once(&self.chain.stiffness).chain(terms)) {
-            let stiffness = &stiffness[contacts.clone()];
-            law.forces(stiffness, overlap_m, force_n);
-            for c in 0..slope.len() {
-                slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
-            }
-        }
-    }
-
     /// Changes the velocities by the forces of a look, over the time to the next one.
     #[inline(always)]
     fn kick(&mut self, state: &ChainState, beads: &Range<usize>) {
         let contacts = self.contacts_of(beads);
-        let (du_m, slope) = (&self.du_m[contacts.start..=contacts.end], &self.slope[contacts.clone()]);
+        let du_m = &self.du_m[contacts.start..=contacts.end];
+        let slope = &self.slopes.contacts[contacts.start + 1..=contacts.end];
         let force_n = &mut self.force_n[contacts.clone()];
         for c in 0..slope.len() {
             force_n[c] = slope[c] * (du_m[c] - du_m[c + 1]);
@@ -236,25 +209,18 @@ impl Growth {
         dv_m_s[0] -= kick_s_per_kg[0] * force_n[0];
         dv_m_s[count] += kick_s_per_kg[count] * force_n[count - 1];
         self.kick_ends(state, time_s);
-        self.kick_at_sites(state, beads, time_s);
+        self.kick_at_sites(beads, time_s);
     }
 
     /// Adds the forces of walls, or of the contact that closes a ring.
     fn kick_ends(&mut self, state: &ChainState, time_s: f64) {
         let chain = &self.chain;
-        let approaches = chain.wall_approaches_m(&state.u_m, &state.extra);
         let last = state.u_m.len() - 1;
         for (side, bead) in [(0, 0), (1, last)] {
-            let wall = chain.wall(side);
-            if !wall.is_there {
+            if !chain.wall(side).is_there {
                 continue;
             }
-            let overlap_m = wall.overlap_m(approaches[side]);
-            let by_law = chain.law.tangent(wall.stiffness, overlap_m);
-            let slope = chain
-                .terms
-                .iter()
-                .fold(by_law, |sum, term| sum + term.law.tangent(term.wall_stiffness[side], overlap_m));
+            let slope = self.slopes.contacts[side * (last + 1)];
             let other = if chain.is_ring { last } else { bead };
             let approach_m = if chain.is_ring { self.du_m[last] - self.du_m[0] } else { -self.du_m[bead] };
             self.dv_m_s[bead] += time_s * (slope * approach_m / chain.mass_kg[bead]);
@@ -265,14 +231,12 @@ impl Growth {
     }
 
     /// Adds the forces of springs at the beads' places and of drag.
-    fn kick_at_sites(&mut self, state: &ChainState, beads: &Range<usize>, time_s: f64) {
+    fn kick_at_sites(&mut self, beads: &Range<usize>, time_s: f64) {
         let sites = &self.chain.sites;
         for i in beads.clone() {
             let mut force_n = 0.0;
             if sites.has_springs() {
-                let cubic = sites.cubic_n_per_m3.get(i).copied().unwrap_or(0.0);
-                let u_m = state.u_m[i];
-                force_n -= (sites.linear_n_per_m[i] + 3.0 * cubic * (u_m * u_m)) * self.du_m[i];
+                force_n -= self.slopes.springs[i] * self.du_m[i];
             } else if !sites.has_drag() {
                 return;
             }

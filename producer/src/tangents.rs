@@ -8,7 +8,7 @@
 //! Tangents lie beside each other in the lanes of registers, eight in a block. Their bits are the same at any width, and depend neither on
 //! how many there are nor on where anyone looks.
 
-mod slopes;
+pub(crate) mod slopes;
 
 use crate::drives::{Acts, Drives};
 use pulp::{Arch, Simd, WithSimd};
@@ -43,7 +43,7 @@ struct Block([Numbers; 4]);
 struct Masses {
     inverse_mass: Vec<f64>,
     mass_kg: Vec<f64>,
-    /// Of resonators, and the stiffness of their springs (N/m); N values each, or none.
+    /// Those of resonators, and the stiffness of their springs (N/m); N values each, or none.
     inverse_resonator: Vec<f64>,
     resonator_kg: Vec<f64>,
     resonator_n_per_m: Vec<f64>,
@@ -198,7 +198,7 @@ impl Tangents {
         vectorized(
             self.arch,
             #[inline(always)]
-            || slopes.find(u_m, walls_m),
+            || slopes.find(u_m, walls_m, &(0..u_m.len())),
         );
     }
 

@@ -286,3 +286,27 @@ class Analyses:
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
         return self._tables("modes", shapes=shapes, energy=energy, mode=mode, **part)[0]
+
+    def lyapunov(
+        self,
+        *,
+        exponents: str | None = None,
+        interval_steps: int | None = None,
+        from_s: float | None = None,
+        until_s: float | None = None,
+        every_step: bool = False,
+        jobs: int | None = None,
+    ) -> Table:
+        """Lyapunov exponents: growth of small changes, from the exact derivative of each step.
+
+        Columns in each frame: ``exponent_NUMBER_per_s`` (exponent of that number, from 1 on).
+
+        Args:
+            exponents: Number of exponents, the largest ones, or `all`; by default 1.
+            interval_steps: Steps after which changes are made orthogonal again; by default 100.
+            from_s, until_s: The first and the last simulated time (s) that is looked at.
+            every_step: Also steps between recorded states, which are recomputed.
+            jobs: Threads that recompute them; by default one for each core.
+        """
+        part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+        return self._tables("lyapunov", exponents=exponents, interval_steps=interval_steps, **part)[0]

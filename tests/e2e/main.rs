@@ -28,6 +28,7 @@ mod keys;
 mod large_sweeps;
 mod long_manifests;
 mod long_runs;
+mod lyapunov;
 mod lying;
 mod manners;
 mod mcap_readers;

@@ -8,6 +8,7 @@ pub mod deformation;
 pub mod energies;
 pub mod forces;
 pub mod impurity;
+pub mod lyapunov;
 pub mod modes;
 mod places;
 pub mod pulses;
@@ -18,7 +19,7 @@ use consumers::analysis::Offer;
 use std::sync::{PoisonError, RwLock};
 
 /// Ours, in the order of the documentation.
-static OURS: [&Offer; 9] = [
+static OURS: [&Offer; 10] = [
     &energies::OFFER,
     &impurity::OFFER,
     &contacts::OFFER,
@@ -28,6 +29,7 @@ static OURS: [&Offer; 9] = [
     &forces::OFFER,
     &spectrum::OFFER,
     &modes::OFFER,
+    &lyapunov::OFFER,
 ];
 
 static ADDED: RwLock<Vec<&'static Offer>> = RwLock::new(Vec::new());

@@ -3,10 +3,11 @@
 use schemas::chain::Chain;
 use schemas::sites::Sites;
 use schemas::term::TermLaw;
+use std::ops::Range;
 
 /// Slopes dF/dδ (N/m) of all contacts, and of the springs that hold the beads, at displacements of the chain.
 #[derive(Debug, Clone)]
-pub(super) struct Slopes {
+pub(crate) struct Slopes {
     /// Each law, and its stiffness in each contact. Of `N + 1` contacts the first is that on the left of bead 0, or the one that closes a
     /// ring, which is the last one, too.
     laws: Vec<(TermLaw, Vec<f64>)>,
@@ -17,13 +18,13 @@ pub(super) struct Slopes {
     overlap_m: Vec<f64>,
     force_n: Vec<f64>,
     /// Slopes of the contacts, `N + 1` numbers.
-    pub(super) contacts: Vec<f64>,
+    pub(crate) contacts: Vec<f64>,
     /// Slopes of the springs that hold the beads, N numbers or none.
-    pub(super) springs: Vec<f64>,
+    pub(crate) springs: Vec<f64>,
 }
 
 impl Slopes {
-    pub(super) fn of(chain: &Chain) -> Self {
+    pub(crate) fn of(chain: &Chain) -> Self {
         let ends = [0, usize::from(!chain.is_ring)];
         let beside = |contacts: &[f64], walls: [f64; 2]| {
             let walls = ends.map(|side| if chain.wall(side).is_there { walls[side] } else { 0.0 });
@@ -49,14 +50,16 @@ impl Slopes {
         }
     }
 
-    /// Finds them where the beads are at `u_m` and the walls at `walls_m` (m). Call it through
-    /// [`vectorized`](schemas::simd::vectorized).
+    /// Finds those of `beads`, their contacts and the springs that hold them, and of the contacts at the ends, where the beads are at `u_m`
+    /// and the walls at `walls_m` (m). Call it through [`vectorized`](schemas::simd::vectorized).
     #[inline(always)]
-    pub(super) fn find(&mut self, u_m: &[f64], walls_m: [f64; 2]) {
+    pub(crate) fn find(&mut self, u_m: &[f64], walls_m: [f64; 2], beads: &Range<usize>) {
         let last = u_m.len() - 1;
-        let (overlap_m, rest_m) = (&mut self.overlap_m[..last + 2], &self.rest_m[..last + 2]);
-        for c in 0..last {
-            overlap_m[c + 1] = (u_m[c] - u_m[c + 1]) + rest_m[c + 1];
+        let first = if beads.start == 0 { 1 } else { beads.start };
+        let between = first..if beads.end > last { last + 1 } else { beads.end + 1 };
+        let (u_m, rest_m) = (&u_m[..=last], &self.rest_m[..last + 2]);
+        for c in between.clone() {
+            self.overlap_m[c] = (u_m[c - 1] - u_m[c]) + rest_m[c];
         }
         let approaches_m = if self.is_ring {
             [u_m[last] - u_m[0]; 2]
@@ -64,23 +67,32 @@ impl Slopes {
             [walls_m[0] - u_m[0], u_m[last] - walls_m[1]]
         };
         for (side, contact) in [(0, 0), (1, last + 1)] {
-            overlap_m[contact] =
+            self.overlap_m[contact] =
                 if self.have_wall[side] { approaches_m[side] + rest_m[contact] } else { 0.0 };
         }
-        let (slope, force_n) = (&mut self.contacts[..last + 2], &mut self.force_n[..last + 2]);
-        slope.fill(0.0);
-        for (law, stiffness) in &self.laws {
-            law.forces(stiffness, overlap_m, force_n);
-            for c in 0..slope.len() {
-                slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
-            }
+        for part in [between, 0..1, last + 1..last + 2] {
+            self.find_by_overlap(&part);
         }
         let (linear, cubic) = (&self.sites.linear_n_per_m, &self.sites.cubic_n_per_m3);
         if cubic.is_empty() {
             self.springs.copy_from_slice(linear);
         } else {
-            for i in 0..self.springs.len() {
+            for i in beads.clone() {
                 self.springs[i] = linear[i] + 3.0 * cubic[i] * (u_m[i] * u_m[i]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn find_by_overlap(&mut self, contacts: &Range<usize>) {
+        let (slope, force_n) = (&mut self.contacts[contacts.clone()], &mut self.force_n[contacts.clone()]);
+        let overlap_m = &self.overlap_m[contacts.clone()];
+        slope.fill(0.0);
+        for (law, stiffness) in &self.laws {
+            let stiffness = &stiffness[contacts.clone()];
+            law.forces(stiffness, overlap_m, force_n);
+            for c in 0..slope.len() {
+                slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
             }
         }
     }

@@ -71,12 +71,24 @@ impl Moments {
     }
 
     pub(super) fn ours(&self, arch: Arch) -> Duration {
-        let fresh = Integrator::with_arch(&self.physics, arch);
+        self.by(&Integrator::with_arch(&self.physics, arch))
+    }
+
+    /// The same, with `count` tangents beside the state.
+    pub(super) fn with_tangents(&self, count: usize) -> Result<Duration, Error> {
+        let mut integrator = Integrator::with_tangents(&self.physics, count)?;
+        if let Some(tangents) = integrator.tangents() {
+            tangents.spread(&tangents.weights(self.physics.scales().time_s));
+        }
+        Ok(self.by(&integrator))
+    }
+
+    fn by(&self, fresh: &Integrator) -> Duration {
         let mut integrator = fresh.clone();
         self.time(|start| {
             let mut state = start.clone();
             // the first step from a new state looks at all beads, which a run does once
-            integrator.clone_from(&fresh);
+            integrator.clone_from(fresh);
             integrator.step(&mut state);
             let began = Instant::now();
             let last = state.step + self.steps;

@@ -13,9 +13,9 @@ pub(super) const BUDGETS: [(&str, usize); 21] = [
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 6_550),
+    ("producer", 6_950),
     ("consumers", 5_950),
-    ("consumers/analyses", 2_700),
+    ("consumers/analyses", 3_000),
     ("consumers/experiments", 1_200),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
@@ -26,11 +26,11 @@ pub(super) const BUDGETS: [(&str, usize); 21] = [
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_150),
-    ("tests/bench", 2_150),
+    ("tests/bench", 2_200),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 69_750;
+const MOST_LINES: usize = 70_400;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

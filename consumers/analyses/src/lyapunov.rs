@@ -1,0 +1,326 @@
+//! Lyapunov exponents: the rates at which small changes of a run grow.
+
+use consumers::analysis::{
+    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, Takes,
+    frame_columns,
+};
+use consumers::series::Series;
+use consumers::table::Column;
+use consumers::uncertain::Uncertain;
+use figure::{Axis, Figure, FigureError, Panel};
+use producer::integrator::Integrator;
+use producer::resimulation::check_kernel;
+use producer::state::ChainState;
+use schemas::amounts::{count, number, quantity};
+use schemas::frame::Frame;
+use schemas::functions::ln;
+use schemas::manifest::RunManifest;
+use schemas::results::ResultColumns;
+use serde_json::json;
+
+/// The analysis, before it looks at a run.
+pub static OFFER: Offer = Offer {
+    name: "lyapunov",
+    about: "Lyapunov exponents: growth of small changes, from the exact derivative of each step",
+    help: "Examples:\n  \
+        beadline lyapunov --figure growth.png                attach to the only live run, and begin there\n  \
+        beadline lyapunov run.mcap --exponents 4 --out exponents.csv\n  \
+        beadline lyapunov run.mcap --exponents all           the whole spectrum, which comes in pairs λ and −λ\n\n\
+        Changes of a state are carried through the very operations of the steps, which are computed again beside the frames: exponents \
+        do not depend on which frames there are. They are means since the first frame, ln of the growth over the time, with |w|² = Σ \
+        m·((δu/T)² + δv²) and the collision time T of the run. Methods: velocity-verlet and rkn4. Where contacts open, a power between 1 and 2 \
+        has no slope on both sides: the growth errs by dt^1.5 at each opening.",
+    settings: &[
+        Setting::new(
+            "exponents",
+            Takes::Text("K", wanted_text),
+            "Number of exponents, the largest ones, or `all` [default: 1]",
+        ),
+        Setting::new(
+            "interval-steps",
+            Takes::Whole("STEPS"),
+            "Steps after which changes are made orthogonal again [default: 100]",
+        ),
+    ],
+    columns: &[Meaning::number("exponent_NUMBER_per_s", "exponent of that number, from 1 on")],
+    summary: &[
+        Meaning::number("exponent_per_s", "the largest exponent"),
+        Meaning::number("exponent_error_per_s", "its error, from the scatter of parts of the run"),
+        Meaning::number("entropy_per_s", "sum of the exponents above zero, of those that were computed"),
+        Meaning::number("pairing_per_s", "largest |λ + its partner|, if all were computed"),
+    ],
+    // what is computed between two frames cannot be stopped
+    needs: Needs { longest_interval_steps: Some(|_| Some(MOST_STEPS)), ..Needs::FRAMES },
+    begin: |beginning| Ok(Box::new(Lyapunov::begin(beginning)?)),
+    ..Offer::PLAIN
+};
+
+/// Steps between two looks for orthogonal changes, unless told.
+const INTERVAL_STEPS: u64 = 100;
+/// Most steps between frames; of recordings with fewer frames those between are made again first.
+const MOST_STEPS: u64 = 10_000;
+/// Most parts of a run whose scatter gives the errors, and the fewest that do.
+const MOST_PARTS: usize = 64;
+const FEWEST_PARTS: usize = 8;
+/// Most curves of a figure.
+const MOST_CURVES: usize = 8;
+
+/// The number of exponents; none for `all`.
+fn wanted(text: &str) -> Result<Option<usize>, String> {
+    match text.parse() {
+        Ok(count) if count > 0 => Ok(Some(count)),
+        _ if text == "all" => Ok(None),
+        _ => Err("expected a whole number from 1 on, or `all`".to_owned()),
+    }
+}
+
+fn wanted_text(text: &str) -> Result<(), String> {
+    wanted(text).map(drop)
+}
+
+struct Lyapunov {
+    manifest: RunManifest,
+    integrator: Integrator,
+    weights: Vec<f64>,
+    count: usize,
+    has_all: bool,
+    every: u64,
+    /// The state that the changes belong to, and the step at which they began.
+    state: Option<ChainState>,
+    first: u64,
+    growth: Growth,
+    /// Kept for a figure alone.
+    curves: Option<Vec<Series<1>>>,
+}
+
+/// Logarithms of the growth of each change.
+#[derive(Default)]
+struct Growth {
+    /// Their sums, and the intervals that these are of.
+    sums: Vec<f64>,
+    intervals: u64,
+    /// The same of parts of the run, each of `part` intervals but for the last.
+    parts: Vec<Vec<f64>>,
+    part: u64,
+}
+
+impl Growth {
+    fn of(count: usize) -> Self {
+        Self { sums: vec![0.0; count], intervals: 0, parts: Vec::new(), part: 1 }
+    }
+
+    /// Adds those of an interval.
+    fn add(&mut self, logarithms: &[f64]) {
+        let add = |sums: &mut Vec<f64>, more: &[f64]| {
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        };
+        if self.intervals.is_multiple_of(self.part) {
+            if self.parts.len() == MOST_PARTS {
+                let pairs = self.parts.chunks_exact(2).map(|pair| {
+                    let mut both = pair[0].clone();
+                    add(&mut both, &pair[1]);
+                    both
+                });
+                self.parts = pairs.collect();
+                self.part *= 2;
+            }
+            self.parts.push(vec![0.0; logarithms.len()]);
+        }
+        if let Some(last) = self.parts.last_mut() {
+            add(last, logarithms);
+        }
+        add(&mut self.sums, logarithms);
+        self.intervals += 1;
+    }
+
+    /// The exponents (1/s), with intervals of `interval_s`; NaN before the first one has passed.
+    fn exponents_per_s(&self, interval_s: f64) -> Vec<f64> {
+        self.sums.iter().map(|sum| sum / (self.intervals as f64 * interval_s)).collect()
+    }
+
+    /// The error (1/s) of the mean of parts that are complete, if there are enough.
+    fn error_per_s(&self, number: usize, interval_s: f64) -> Option<f64> {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+        let whole = &self.parts[..(self.intervals / self.part) as usize];
+        if whole.len() < FEWEST_PARTS {
+            return None;
+        }
+        let per_s = 1.0 / (self.part as f64 * interval_s);
+        let (count, of) = (whole.len() as f64, |part: &Vec<f64>| part[number] * per_s);
+        let mean = whole.iter().map(of).sum::<f64>() / count;
+        let variance =
+            whole.iter().map(|part| (of(part) - mean) * (of(part) - mean)).sum::<f64>() / (count - 1.0);
+        Some((variance / count).sqrt())
+    }
+}
+
+impl Lyapunov {
+    fn begin(beginning: &Beginning<'_>) -> Result<Self, Refusal> {
+        let (manifest, settings) = (beginning.manifest.clone(), beginning.settings);
+        let physics = &manifest.physics;
+        check_kernel(&manifest).map_err(|error| error.to_string())?;
+        let refuse = |error: producer::tangents::NoTangent| Refusal::from(error.to_string());
+        let one = Integrator::with_tangents(physics, 1).map_err(refuse)?.tangents().map(|one| one.free());
+        let most = one.unwrap_or_default().iter().filter(|free| **free).count();
+        let text = settings.one::<String>("exponents").unwrap_or_else(|| "1".to_owned());
+        let count = wanted(&text)?.unwrap_or(most);
+        if count > most {
+            let why = format!("the chain has {most} exponents; ask for 1 to {most}, or for `all`");
+            return Err(Refusal::of("exponents", text, why));
+        }
+        let every = settings.one("interval-steps").unwrap_or(INTERVAL_STEPS);
+        if every == 0 {
+            return Err(Refusal::of("interval-steps", "0", "expected a whole number from 1 on"));
+        }
+        let mut integrator = Integrator::with_tangents(physics, count).map_err(refuse)?;
+        let weights = integrator
+            .tangents()
+            .map(|tangents| tangents.weights(physics.scales().time_s))
+            .unwrap_or_default();
+        let curves = beginning.is_drawn.then(|| vec![Series::default(); count.min(MOST_CURVES)]);
+        let (state, first, growth, has_all) = (None, 0, Growth::of(count), count == most);
+        Ok(Self { manifest, integrator, weights, count, has_all, every, state, first, growth, curves })
+    }
+
+    fn interval_s(&self) -> f64 {
+        self.every as f64 * self.manifest.physics.dt_s
+    }
+
+    fn exponents_per_s(&self) -> Vec<f64> {
+        self.growth.exponents_per_s(self.interval_s())
+    }
+
+    /// Carries the changes to the step of `frame`.
+    fn go_to(&mut self, frame: &Frame<'_>) {
+        let Some(mut state) = self.state.take() else {
+            if let Some(tangents) = self.integrator.tangents() {
+                tangents.spread(&self.weights);
+            }
+            (self.state, self.first) = (Some(ChainState::of_frame(frame)), frame.step);
+            return;
+        };
+        while state.step < frame.step {
+            self.integrator.step(&mut state);
+            if !(state.step - self.first).is_multiple_of(self.every) {
+                continue;
+            }
+            let Some(tangents) = self.integrator.tangents() else { break };
+            let logarithms: Vec<f64> = tangents.orthonormalise(&self.weights).into_iter().map(ln).collect();
+            self.growth.add(&logarithms);
+            let (exponents, time_s) = (self.exponents_per_s(), self.manifest.physics.time_s(state.step));
+            for (curve, exponent) in self.curves.iter_mut().flatten().zip(exponents) {
+                curve.push(time_s, [exponent]);
+            }
+        }
+        self.state = Some(state);
+    }
+
+    /// The sum of the exponents (1/s) above zero.
+    fn entropy_per_s(&self) -> f64 {
+        self.exponents_per_s().into_iter().filter(|exponent| *exponent > 0.0).sum()
+    }
+
+    /// The largest sum (1/s) of an exponent and its partner.
+    fn pairing_per_s(&self) -> Option<f64> {
+        let exponents = self.exponents_per_s();
+        let pairs = exponents.iter().zip(exponents.iter().rev()).map(|(one, other)| (one + other).abs());
+        self.has_all.then(|| pairs.fold(0.0, f64::max))
+    }
+}
+
+impl Analysis for Lyapunov {
+    fn columns(&self, _: usize) -> Vec<Column> {
+        frame_columns((1..=self.count).map(|number| format!("exponent_{number}_per_s")))
+    }
+
+    fn published(&self) -> Option<ResultColumns> {
+        Some(ResultColumns::array("exponents_per_s", self.count))
+    }
+
+    fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
+        self.go_to(frame);
+        out.row(frame, &self.exponents_per_s());
+    }
+
+    fn report(&mut self) -> Option<Report> {
+        let mut report = Report { title: "Lyapunov exponents", ..Report::default() };
+        if self.growth.intervals == 0 {
+            let why = format!(
+                "no exponent: fewer than {} steps were looked at; choose a shorter --interval-steps",
+                count(self.every)
+            );
+            report.notices.push(why);
+            report.results = json!({ "exponents_per_s": [] });
+            return Some(report);
+        }
+        let (interval_s, exponents) = (self.interval_s(), self.exponents_per_s());
+        let errors: Vec<_> =
+            (0..self.count).map(|place| self.growth.error_per_s(place, interval_s)).collect();
+        let over_s = self.growth.intervals as f64 * interval_s;
+        report.words.add("over", quantity(over_s, "s"));
+        for (place, (exponent, error)) in exponents.iter().zip(&errors).enumerate().take(MOST_CURVES) {
+            let shown = match error {
+                Some(error) => format!("{} 1/s", Uncertain::new(*exponent, *error)),
+                None => format!("{} 1/s", number(*exponent)),
+            };
+            report.words.add(format!("exponent {}", place + 1), shown);
+        }
+        report.words.add("entropy", format_args!("{} 1/s", number(self.entropy_per_s())));
+        if let Some(pairing_per_s) = self.pairing_per_s() {
+            report.words.add("pairs add up to", format_args!("{} 1/s", number(pairing_per_s)));
+        }
+        report.results = json!({
+            "over_s": over_s,
+            "interval_steps": self.every,
+            "exponents_per_s": exponents,
+            "errors_per_s": errors,
+            "entropy_per_s": self.entropy_per_s(),
+            "pairing_per_s": self.pairing_per_s(),
+        });
+        Some(report)
+    }
+
+    fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
+        let curves = self.curves.take().unwrap_or_default();
+        let axis = Axis::new("time (ms)").log();
+        let mut panel = Panel::new().x_axis(axis).y_axis(Axis::new("exponent (1/s)")).horizontal("", 0.0);
+        for (number, curve) in curves.iter().enumerate() {
+            let points = curve.curve(0).map(|(t, value)| (t * 1e3, value)).filter(|(t, _)| *t > 0.0);
+            panel = panel.line(format!("λ_{{{}}}", number + 1), points.collect::<Vec<_>>());
+        }
+        Ok(Some(Figure::new().caption(plots::caption(&self.manifest)).panel(panel)))
+    }
+
+    fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
+        if self.growth.intervals == 0 {
+            return None;
+        }
+        Some(Number::Double(match name {
+            "exponent_per_s" => *self.exponents_per_s().first()?,
+            "exponent_error_per_s" => self.growth.error_per_s(0, self.interval_s())?,
+            "entropy_per_s" => self.entropy_per_s(),
+            "pairing_per_s" => self.pairing_per_s()?,
+            _ => return None,
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_keep_all_intervals() {
+        let mut growth = Growth::of(2);
+        for interval in 0..1000 {
+            growth.add(&[1.0, f64::from(interval % 2)]);
+        }
+        assert_eq!(growth.exponents_per_s(0.5), [2.0, 1.0]);
+        assert!(growth.parts.len() <= MOST_PARTS && growth.part == 16);
+        let sum: f64 = growth.parts.iter().map(|part| part[0]).sum();
+        assert_eq!(sum, 1000.0);
+        // every whole part has as many of each
+        assert_eq!(growth.error_per_s(1, 0.5), Some(0.0));
+        assert!(Growth::of(1).exponents_per_s(1.0)[0].is_nan());
+    }
+}
