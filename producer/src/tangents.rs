@@ -29,6 +29,8 @@ pub struct Tangents {
     slopes: Slopes,
     masses: Masses,
     is_ring: bool,
+    /// The kick (s) that ends a step and is made together with the one that begins the next; 0 if none is left.
+    kick_left_s: f64,
 }
 
 /// Numbers of beads or resonators, for eight tangents.
@@ -85,6 +87,7 @@ impl Tangents {
             slopes: Slopes::of(chain),
             masses,
             is_ring: chain.is_ring,
+            kick_left_s: 0.0,
         }
     }
 
@@ -100,7 +103,7 @@ impl Tangents {
 
     /// Numbers of a tangent: 2N, or 4N with resonators.
     pub fn dimension(&self) -> usize {
-        self.blocks.first().map_or(0, |block| block.0.iter().map(Vec::len).sum())
+        2 * (self.masses.inverse_mass.len() + self.masses.inverse_resonator.len())
     }
 
     /// The tangent of that number.
@@ -180,7 +183,9 @@ impl Tangents {
                     }
                     let norm = dot(weights, one, one).sqrt();
                     let factor = 1.0 / norm;
-                    one.iter_mut().for_each(|x| *x *= factor);
+                    for x in one.iter_mut() {
+                        *x *= factor;
+                    }
                     norm
                 },
             )
@@ -204,9 +209,22 @@ impl Tangents {
 
     /// Makes a kick of `kick_s` and a drift of `drift_s`.
     pub(crate) fn stage(&mut self, kick_s: f64, drift_s: f64) {
+        let kicks_s = [std::mem::take(&mut self.kick_left_s), kick_s];
         for block in &mut self.blocks {
             let (slopes, masses) = (&self.slopes, &self.masses);
-            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, kick_s, drift_s });
+            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, kicks_s, drift_s });
+        }
+    }
+
+    /// Makes the kick of `kick_s` that ends a step, when it is needed.
+    pub(crate) fn kick_at_the_end(&mut self, kick_s: f64) {
+        self.kick_left_s = kick_s;
+    }
+
+    /// Makes the kick that is left, so that the tangents are those of the state.
+    pub(crate) fn settle(&mut self) {
+        if self.kick_left_s != 0.0 {
+            self.stage(0.0, 0.0);
         }
     }
 }
@@ -217,13 +235,13 @@ fn dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
     ordered_sum([weights, a, b], |[weight, a, b]| weight * (a * b))
 }
 
-/// A kick and a drift of a block.
+/// Two kicks, of which the first may be none, and a drift of a block.
 struct Stage<'a> {
     block: &'a mut Block,
     slopes: &'a Slopes,
     masses: &'a Masses,
     is_ring: bool,
-    kick_s: f64,
+    kicks_s: [f64; 2],
     drift_s: f64,
 }
 
@@ -233,7 +251,11 @@ impl WithSimd for Stage<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         for at in (0..LANES).step_by(S::F64_LANES) {
-            self.move_lanes(simd, at);
+            if self.kicks_s[0] == 0.0 {
+                self.move_lanes::<S, false>(simd, at);
+            } else {
+                self.move_lanes::<S, true>(simd, at);
+            }
         }
     }
 }
@@ -241,7 +263,7 @@ impl WithSimd for Stage<'_> {
 impl Stage<'_> {
     /// Moves the tangents of a register, which begins at number `at` of a group.
     #[inline(always)]
-    fn move_lanes<S: Simd>(&mut self, simd: S, at: usize) {
+    fn move_lanes<S: Simd, const TWO: bool>(&mut self, simd: S, at: usize) {
         let [u, v, w, w_v] = &mut self.block.0;
         let beads = u.len();
         let Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. } = self.masses;
@@ -264,13 +286,17 @@ impl Stage<'_> {
             if let Some(inverse) = inverse_resonator.get(i) {
                 let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
                 net = simd.add_f64s(net, pull);
-                let change = simd.mul_f64s(splat(self.kick_s * inverse), pull);
-                let velocity = simd.sub_f64s(get(&w_v[i]), change);
+                let mut velocity = get(&w_v[i]);
+                for kick_s in &self.kicks_s[usize::from(!TWO)..] {
+                    velocity = simd.sub_f64s(velocity, simd.mul_f64s(splat(kick_s * inverse), pull));
+                }
                 store::<S>(velocity, &mut w_v[i].0, at);
                 store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
             }
-            let change = simd.mul_f64s(splat(self.kick_s * inverse_mass[i]), net);
-            let velocity = simd.add_f64s(get(&v[i]), change);
+            let mut velocity = get(&v[i]);
+            for kick_s in &self.kicks_s[usize::from(!TWO)..] {
+                velocity = simd.add_f64s(velocity, simd.mul_f64s(splat(kick_s * inverse_mass[i]), net));
+            }
             store::<S>(velocity, &mut v[i].0, at);
             store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
             (left, here) = (right, next);

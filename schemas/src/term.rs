@@ -146,10 +146,16 @@ macro_rules! laws {
                 match self { $(Self::$law(law) => law.add_to(simd, stiffness, overlap_m, sum_n)),+ }
             }
 
-            /// Slope dF/dδ (N/m) of a contact whose force (N) is known.
+            /// Adds the slope dF/dδ (N/m) of each of some contacts, whose forces (N) are known, to `slope`.
             #[inline(always)]
-            pub fn tangent_by_force(&self, stiffness: f64, overlap_m: f64, force_n: f64) -> f64 {
-                match self { $(Self::$law(law) => law.tangent_by_force(stiffness, overlap_m, force_n)),+ }
+            pub fn add_slopes(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &[f64], slope: &mut [f64]) {
+                let count = slope.len();
+                let (stiffness, overlap_m, force_n) = (&stiffness[..count], &overlap_m[..count], &force_n[..count]);
+                match self {
+                    $(Self::$law(law) => for c in 0..count {
+                        slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
+                    }),+
+                }
             }
         }
     };

@@ -163,7 +163,9 @@ impl Splitting {
 
     /// The tangents of the state stepped to last.
     pub(crate) fn tangents(&mut self) -> Option<&mut Tangents> {
-        self.tangents.as_mut()
+        let tangents = self.tangents.as_mut()?;
+        tangents.settle();
+        Some(tangents)
     }
 
     /// The step (s) of the only chain.

@@ -1,6 +1,7 @@
 //! Slopes of the forces along a run.
 
 use schemas::chain::Chain;
+use schemas::contact::BLOCK;
 use schemas::sites::Sites;
 use schemas::term::TermLaw;
 use std::ops::Range;
@@ -9,7 +10,7 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub(crate) struct Slopes {
     /// Each law, and its stiffness in each contact. Of `N + 1` contacts the first is that on the left of bead 0, or the one that closes a
-    /// ring, which is the last one, too.
+    /// ring, which is the last one, too. This and the other arrays of contacts are filled up with zeros to whole blocks.
     laws: Vec<(TermLaw, Vec<f64>)>,
     rest_m: Vec<f64>,
     have_wall: [bool; 2],
@@ -17,7 +18,7 @@ pub(crate) struct Slopes {
     sites: Sites,
     overlap_m: Vec<f64>,
     force_n: Vec<f64>,
-    /// Slopes of the contacts, `N + 1` numbers.
+    /// Slopes of the contacts, `N + 1` numbers and more.
     pub(crate) contacts: Vec<f64>,
     /// Slopes of the springs that hold the beads, N numbers or none.
     pub(crate) springs: Vec<f64>,
@@ -28,7 +29,9 @@ impl Slopes {
         let ends = [0, usize::from(!chain.is_ring)];
         let beside = |contacts: &[f64], walls: [f64; 2]| {
             let walls = ends.map(|side| if chain.wall(side).is_there { walls[side] } else { 0.0 });
-            [&walls[..1], contacts, &walls[1..]].concat()
+            let mut all = [&walls[..1], contacts, &walls[1..]].concat();
+            all.resize(all.len().next_multiple_of(BLOCK), 0.0);
+            all
         };
         let of_walls = [0, 1].map(|side| chain.wall(side).stiffness);
         let mut laws = vec![(TermLaw::Power(chain.law.clone()), beside(&chain.stiffness, of_walls))];
@@ -36,7 +39,7 @@ impl Slopes {
         laws.extend(terms.map(|term| (term.law.clone(), beside(&term.stiffness, term.wall_stiffness))));
         // bonds have no stiffness of the law
         laws.retain(|(_, stiffness)| stiffness.iter().any(|k| *k != 0.0));
-        let contacts = chain.bead_count() + 1;
+        let contacts = (chain.bead_count() + 1).next_multiple_of(BLOCK);
         Self {
             laws,
             rest_m: beside(&chain.rest_overlap_m, [0, 1].map(|side| chain.wall(side).rest_overlap_m)),
@@ -70,8 +73,12 @@ impl Slopes {
             self.overlap_m[contact] =
                 if self.have_wall[side] { approaches_m[side] + rest_m[contact] } else { 0.0 };
         }
-        for part in [between, 0..1, last + 1..last + 2] {
-            self.find_by_overlap(&part);
+        if between.len() == last {
+            self.find_by_overlap(&(0..self.contacts.len()));
+        } else {
+            for part in [between, 0..1, last + 1..last + 2] {
+                self.find_by_overlap(&part);
+            }
         }
         let (linear, cubic) = (&self.sites.linear_n_per_m, &self.sites.cubic_n_per_m3);
         if cubic.is_empty() {
@@ -91,9 +98,7 @@ impl Slopes {
         for (law, stiffness) in &self.laws {
             let stiffness = &stiffness[contacts.clone()];
             law.forces(stiffness, overlap_m, force_n);
-            for c in 0..slope.len() {
-                slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
-            }
+            law.add_slopes(stiffness, overlap_m, force_n, slope);
         }
     }
 }

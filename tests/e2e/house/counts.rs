@@ -7,7 +7,7 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 21] = [
     ("the command", 13_550),
-    ("schemas", 8_450),
+    ("schemas", 8_500),
     ("schemas/bus", 4_400),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),

@@ -52,7 +52,7 @@ impl Splitting {
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
         if let Some(tangents) = &mut self.tangents {
-            tangents.stage(self.stages.last_kick * dt_s, 0.0);
+            tangents.kick_at_the_end(self.stages.last_kick * dt_s);
         }
         if let Some(drives) = &others.drives {
             finish_piece(drives, others, state);
@@ -146,6 +146,7 @@ impl Splitting {
         }
         self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         if let Some(tangents) = &mut self.tangents {
+            tangents.settle();
             tangents.look(&state.u_m, others.walls_m());
         }
     }

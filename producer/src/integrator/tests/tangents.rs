@@ -44,7 +44,7 @@ fn driven() -> Vec<Variant> {
 const STEPS: u64 = 20;
 
 /// A number of no pattern, from −1 to 1.
-fn some(index: usize) -> f64 {
+fn some(index: u64) -> f64 {
     ((index * index * 7 + index * 3 + 1) % 101) as f64 / 50.0 - 1.0
 }
 
@@ -86,9 +86,8 @@ fn tangents_are_differences_of_neighbouring_runs_on_every_kind_of_chain() {
                     config.chain.impurities.clear();
                     kind(&mut config);
                     let Ok(physics) = Physics::resolve(&config) else { continue };
-                    let (u_m, v_m_s): (Vec<_>, Vec<_>) = (0..beads)
-                        .map(|i| (4.1e-6 * some(i as usize), 0.1 * ((i * 5) % 7) as f64 - 0.3))
-                        .unzip();
+                    let (u_m, v_m_s): (Vec<_>, Vec<_>) =
+                        (0..beads).map(|i| (4.1e-6 * some(i), 0.1 * ((i * 5) % 7) as f64 - 0.3)).unzip();
                     let start = ChainState::starting_at(&physics, &u_m, &v_m_s);
                     let what = format!("{beads} beads, {method}, α = {alpha}, {name}");
 
@@ -101,11 +100,18 @@ fn tangents_are_differences_of_neighbouring_runs_on_every_kind_of_chain() {
                     let units: Vec<f64> = (0..dimension)
                         .map(|i| if i / u_m.len() % 2 == 0 { 1.0 } else { 1.0 / physics.scales().time_s })
                         .collect();
-                    let begin = |number: usize| -> Vec<f64> {
-                        (0..dimension)
-                            .map(|i| if free[i] { some(i + number * dimension) * units[i] } else { 0.0 })
-                            .collect()
-                    };
+                    let begin =
+                        |number: usize| -> Vec<f64> {
+                            (0..dimension)
+                                .map(|i| {
+                                    if free[i] {
+                                        some((i + number * dimension) as u64) * units[i]
+                                    } else {
+                                        0.0
+                                    }
+                                })
+                                .collect()
+                        };
                     (0..11).for_each(|number| carried.set(number, &begin(number)));
                     let mut state = start.clone();
                     while state.step < STEPS {
