@@ -49,6 +49,8 @@ struct Masses {
     inverse_resonator: Vec<f64>,
     resonator_kg: Vec<f64>,
     resonator_n_per_m: Vec<f64>,
+    /// `h/m` (s/kg) of both, for the kick that is made.
+    kick_s_per_kg: [Vec<f64>; 2],
 }
 
 /// Reason why a run has no tangent.
@@ -69,6 +71,7 @@ impl Tangents {
             inverse_resonator: sites.resonator_kg.iter().map(inverse).collect(),
             resonator_kg: sites.resonator_kg.clone(),
             resonator_n_per_m: sites.resonator_n_per_m.clone(),
+            kick_s_per_kg: [chain.bead_count(), sites.resonator_kg.len()].map(|count| vec![0.0; count]),
         };
         if let Some(drives) = Drives::of(&physics.drives, physics.dt_s) {
             for d in 0..drives.count() {
@@ -209,10 +212,16 @@ impl Tangents {
 
     /// Makes a kick of `kick_s` and a drift of `drift_s`.
     pub(crate) fn stage(&mut self, kick_s: f64, drift_s: f64) {
-        let kicks_s = [std::mem::take(&mut self.kick_left_s), kick_s];
+        let is_twice = self.kick_left_s == kick_s;
+        if is_twice {
+            self.kick_left_s = 0.0;
+        } else {
+            self.settle();
+        }
+        self.masses.set_kick(kick_s);
         for block in &mut self.blocks {
             let (slopes, masses) = (&self.slopes, &self.masses);
-            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, kicks_s, drift_s });
+            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, is_twice, drift_s });
         }
     }
 
@@ -223,8 +232,21 @@ impl Tangents {
 
     /// Makes the kick that is left, so that the tangents are those of the state.
     pub(crate) fn settle(&mut self) {
-        if self.kick_left_s != 0.0 {
-            self.stage(0.0, 0.0);
+        let left_s = std::mem::take(&mut self.kick_left_s);
+        if left_s != 0.0 {
+            self.stage(left_s, 0.0);
+        }
+    }
+}
+
+impl Masses {
+    /// Makes `h/m` those of kicks of `kick_s`.
+    fn set_kick(&mut self, kick_s: f64) {
+        let Self { inverse_mass, inverse_resonator, kick_s_per_kg, .. } = self;
+        for (kicks, inverse) in kick_s_per_kg.iter_mut().zip([inverse_mass, inverse_resonator]) {
+            for (kick, inverse) in kicks.iter_mut().zip(inverse) {
+                *kick = kick_s * *inverse;
+            }
         }
     }
 }
@@ -235,13 +257,13 @@ fn dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
     ordered_sum([weights, a, b], |[weight, a, b]| weight * (a * b))
 }
 
-/// Two kicks, of which the first may be none, and a drift of a block.
+/// A kick, which is made twice where a step ends and the next one begins, and a drift of a block.
 struct Stage<'a> {
     block: &'a mut Block,
     slopes: &'a Slopes,
     masses: &'a Masses,
     is_ring: bool,
-    kicks_s: [f64; 2],
+    is_twice: bool,
     drift_s: f64,
 }
 
@@ -251,11 +273,7 @@ impl WithSimd for Stage<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         for at in (0..LANES).step_by(S::F64_LANES) {
-            if self.kicks_s[0] == 0.0 {
-                self.move_lanes::<S, false>(simd, at);
-            } else {
-                self.move_lanes::<S, true>(simd, at);
-            }
+            self.move_lanes::<S>(simd, at);
         }
     }
 }
@@ -263,16 +281,20 @@ impl WithSimd for Stage<'_> {
 impl Stage<'_> {
     /// Moves the tangents of a register, which begins at number `at` of a group.
     #[inline(always)]
-    fn move_lanes<S: Simd, const TWO: bool>(&mut self, simd: S, at: usize) {
+    fn move_lanes<S: Simd>(&mut self, simd: S, at: usize) {
         let [u, v, w, w_v] = &mut self.block.0;
         let beads = u.len();
-        let Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. } = self.masses;
-        let (v, contacts, inverse_mass) =
-            (&mut v[..beads], &self.slopes.contacts[..=beads], &inverse_mass[..beads]);
-        let springs = &self.slopes.springs;
-        let get = |group: &Group<LANES>| load::<S>(&group.0, at);
+        let Masses { resonator_n_per_m, kick_s_per_kg: [kick, kick_resonator], .. } = self.masses;
+        let (u, v, kick) = (&mut u[..beads], &mut v[..beads], &kick[..beads]);
+        let (contacts, springs) = (&self.slopes.contacts[..=beads], &self.slopes.springs[..]);
+        let (w, w_v, kick_resonator) = (&mut w[..], &mut w_v[..], &kick_resonator[..]);
+        let (is_twice, get) = (self.is_twice, |group: &Group<LANES>| load::<S>(&group.0, at));
         let splat = |x: f64| simd.splat_f64s(x);
         let (none, drift) = (splat(0.0), splat(self.drift_s));
+        let kicked = |velocity: S::f64s, change: S::f64s| {
+            let velocity = simd.add_f64s(velocity, change);
+            if is_twice { simd.add_f64s(velocity, change) } else { velocity }
+        };
         let (before, behind) = if self.is_ring { (get(&u[beads - 1]), get(&u[0])) } else { (none, none) };
         let mut here = get(&u[0]);
         let mut left = simd.mul_f64s(splat(contacts[0]), simd.sub_f64s(before, here));
@@ -280,23 +302,18 @@ impl Stage<'_> {
             let next = if i + 1 < beads { get(&u[i + 1]) } else { behind };
             let right = simd.mul_f64s(splat(contacts[i + 1]), simd.sub_f64s(here, next));
             let mut net = simd.sub_f64s(left, right);
-            if let Some(slope) = springs.get(i) {
-                net = simd.sub_f64s(net, simd.mul_f64s(splat(*slope), here));
+            if i < springs.len() {
+                net = simd.sub_f64s(net, simd.mul_f64s(splat(springs[i]), here));
             }
-            if let Some(inverse) = inverse_resonator.get(i) {
+            if i < w.len() {
                 let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
                 net = simd.add_f64s(net, pull);
-                let mut velocity = get(&w_v[i]);
-                for kick_s in &self.kicks_s[usize::from(!TWO)..] {
-                    velocity = simd.sub_f64s(velocity, simd.mul_f64s(splat(kick_s * inverse), pull));
-                }
+                let change = simd.mul_f64s(splat(kick_resonator[i]), simd.sub_f64s(none, pull));
+                let velocity = kicked(get(&w_v[i]), change);
                 store::<S>(velocity, &mut w_v[i].0, at);
                 store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
             }
-            let mut velocity = get(&v[i]);
-            for kick_s in &self.kicks_s[usize::from(!TWO)..] {
-                velocity = simd.add_f64s(velocity, simd.mul_f64s(splat(kick_s * inverse_mass[i]), net));
-            }
+            let velocity = kicked(get(&v[i]), simd.mul_f64s(splat(kick[i]), net));
             store::<S>(velocity, &mut v[i].0, at);
             store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
             (left, here) = (right, next);

@@ -23,9 +23,9 @@ pub static OFFER: Offer = Offer {
     name: "lyapunov",
     about: "Lyapunov exponents: growth of small changes, from the exact derivative of each step",
     help: "Examples:\n  \
-        beadline lyapunov --figure growth.png                attach to the only live run, and begin there\n  \
+        beadline lyapunov --figure growth.png                attach to the only live run\n  \
         beadline lyapunov run.mcap --exponents 4 --out exponents.csv\n  \
-        beadline lyapunov run.mcap --exponents all           the whole spectrum, which comes in pairs λ and −λ\n\n\
+        beadline lyapunov run.mcap --exponents all           the whole spectrum, in pairs\n\n\
         Changes of a state are carried through the very operations of the steps, which are computed again beside the frames: exponents \
         do not depend on which frames there are. They are means since the first frame, ln of the growth over the time, with |w|² = Σ \
         m·((δu/T)² + δv²) and the collision time T of the run. Methods: velocity-verlet and rkn4. Where contacts open, a power between 1 and 2 \
