@@ -73,19 +73,19 @@ impl Integrator {
     /// When the derivatives of the run's steps are not computed.
     ///
     /// # Panics
-    /// Where [`new`](Self::new) does.
+    /// When no dynamics of this program computes the run any more, as for [`new`](Self::new).
     pub fn with_tangents(physics: &Physics, count: usize) -> Result<Self, NoTangent> {
         Self::carrying(physics, count, Arch::new())
     }
 
     /// Like [`with_tangents`](Self::with_tangents), with a given instruction set.
     fn carrying(physics: &Physics, count: usize, arch: Arch) -> Result<Self, NoTangent> {
-        Tangents::check(physics.method)?;
         let mut integrator = Self::with_arch(physics, arch);
-        if let ByMethod::Splitting(splitting) = &mut integrator.by_method {
-            let chain = physics.chain();
-            splitting.carry(Tangents::of(physics, &chain, count, arch), physics, &chain);
-        }
+        let ByMethod::Splitting(splitting) = &mut integrator.by_method else {
+            return Err(NoTangent(physics.method));
+        };
+        let chain = physics.chain();
+        splitting.carry(Tangents::of(physics, &chain, count, arch), physics, &chain);
         Ok(integrator)
     }
 

@@ -36,6 +36,8 @@ pub struct Tangents {
 /// Numbers of beads or resonators, for eight tangents.
 type Numbers = Vec<Group<LANES>>;
 
+const NONE: Group<LANES> = Group([0.0; LANES]);
+
 /// Eight tangents: of displacements, velocities, and those of resonators.
 #[derive(Debug, Clone)]
 struct Block([Numbers; 4]);
@@ -58,7 +60,7 @@ struct Masses {
 #[error(
     "the derivatives of steps by {0} are not computed; choose velocity-verlet or rkn4, which take no damping and no drag"
 )]
-pub struct NoTangent(Method);
+pub struct NoTangent(pub(crate) Method);
 
 impl Tangents {
     /// Makes `count` tangents, all zero, of a run of `physics` and `chain`.
@@ -80,28 +82,19 @@ impl Tangents {
                 }
             }
         }
-        let zeros = |count: usize| vec![Group([0.0; LANES]); count];
-        let (beads, resonators) = (chain.bead_count(), sites.resonator_kg.len());
-        let block = Block([zeros(beads), zeros(beads), zeros(resonators), zeros(resonators)]);
-        Self {
-            arch,
-            count,
-            blocks: vec![block; count.div_ceil(LANES)],
-            slopes: Slopes::of(chain),
-            masses,
-            is_ring: chain.is_ring,
-            kick_left_s: 0.0,
-        }
+        let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
+        let mut none = Self { arch, count: 0, blocks: Vec::new(), slopes, masses, is_ring, kick_left_s: 0.0 };
+        none.resize(count);
+        none
     }
 
-    /// Refuses a method of whose steps the derivatives are not computed.
-    pub(crate) fn check(method: Method) -> Result<(), NoTangent> {
-        if matches!(method, Method::VelocityVerlet | Method::Rkn4) { Ok(()) } else { Err(NoTangent(method)) }
-    }
-
-    /// Number of tangents.
-    pub fn count(&self) -> usize {
-        self.count
+    /// Makes them so many; new ones are zero.
+    pub fn resize(&mut self, count: usize) {
+        let [beads, resonators] = [&self.masses.inverse_mass, &self.masses.inverse_resonator]
+            .map(|numbers| vec![NONE; numbers.len()]);
+        let block = Block([beads.clone(), beads, resonators.clone(), resonators]);
+        self.blocks.resize(count.div_ceil(LANES), block);
+        self.count = count;
     }
 
     /// Numbers of a tangent: 2N, or 4N with resonators.
@@ -126,9 +119,15 @@ impl Tangents {
     pub fn set(&mut self, number: usize, numbers: &[f64]) {
         assert!(number < self.count && numbers.len() == self.dimension(), "no tangent of this chain");
         let free = self.free();
+        let numbers: Vec<f64> =
+            numbers.iter().zip(free).map(|(x, free)| if free { *x } else { 0.0 }).collect();
+        self.put(number, &numbers);
+    }
+
+    fn put(&mut self, number: usize, numbers: &[f64]) {
         let rows = &mut self.blocks[number / LANES].0;
-        for (i, (group, x)) in rows.iter_mut().flatten().zip(numbers).enumerate() {
-            group.0[number % LANES] = if free[i] { *x } else { 0.0 };
+        for (group, x) in rows.iter_mut().flatten().zip(numbers) {
+            group.0[number % LANES] = *x;
         }
     }
 
@@ -195,7 +194,7 @@ impl Tangents {
         });
         let norms = norms.collect();
         for (number, numbers) in all.iter().enumerate() {
-            self.set(number, numbers);
+            self.put(number, numbers);
         }
         norms
     }

@@ -47,7 +47,10 @@ pub static OFFER: Offer = Offer {
         Meaning::number("exponent_per_s", "the largest exponent"),
         Meaning::number("exponent_error_per_s", "its error, from the scatter of parts of the run"),
         Meaning::number("entropy_per_s", "sum of the exponents above zero, of those that were computed"),
-        Meaning::number("pairing_per_s", "largest |λ + its partner|, if all were computed"),
+        Meaning::number(
+            "pairing_per_s",
+            "largest sum of an exponent and its partner, without its sign, if all were computed",
+        ),
     ],
     // what is computed between two frames cannot be stopped
     needs: Needs { longest_interval_steps: Some(|_| Some(MOST_STEPS)), ..Needs::FRAMES },
@@ -94,7 +97,6 @@ struct Lyapunov {
 }
 
 /// Logarithms of the growth of each change.
-#[derive(Default)]
 struct Growth {
     /// Their sums, and the intervals that these are of.
     sums: Vec<f64>,
@@ -160,8 +162,9 @@ impl Lyapunov {
         let physics = &manifest.physics;
         check_kernel(&manifest).map_err(|error| error.to_string())?;
         let refuse = |error: producer::tangents::NoTangent| Refusal::from(error.to_string());
-        let one = Integrator::with_tangents(physics, 1).map_err(refuse)?.tangents().map(|one| one.free());
-        let most = one.unwrap_or_default().iter().filter(|free| **free).count();
+        let mut integrator = Integrator::with_tangents(physics, 0).map_err(refuse)?;
+        let free = integrator.tangents().map(|tangents| tangents.free()).unwrap_or_default();
+        let most = free.iter().filter(|free| **free).count();
         let text = settings.one::<String>("exponents").unwrap_or_else(|| "1".to_owned());
         let count = wanted(&text)?.unwrap_or(most);
         if count > most {
@@ -172,11 +175,11 @@ impl Lyapunov {
         if every == 0 {
             return Err(Refusal::of("interval-steps", "0", "expected a whole number from 1 on"));
         }
-        let mut integrator = Integrator::with_tangents(physics, count).map_err(refuse)?;
-        let weights = integrator
-            .tangents()
-            .map(|tangents| tangents.weights(physics.scales().time_s))
-            .unwrap_or_default();
+        let mut weights = Vec::new();
+        if let Some(tangents) = integrator.tangents() {
+            tangents.resize(count);
+            weights = tangents.weights(physics.scales().time_s);
+        }
         let curves = beginning.is_drawn.then(|| vec![Series::default(); count.min(MOST_CURVES)]);
         let (state, first, growth, has_all) = (None, 0, Growth::of(count), count == most);
         Ok(Self { manifest, integrator, weights, count, has_all, every, state, first, growth, curves })

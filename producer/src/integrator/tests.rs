@@ -19,6 +19,23 @@ fn bits(state: &ChainState) -> Vec<u64> {
     state.u_m.iter().chain(state.v_m_s.iter()).chain(state.extra.iter()).map(|x| x.to_bits()).collect()
 }
 
+/// The instruction sets of this machine.
+fn archs() -> Vec<Arch> {
+    let mut archs = vec![Arch::Scalar, Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    archs
+}
+
+/// A chain of a kind.
+fn config_of(beads: u64, method: Method, alpha: f64, kind: fn(&mut RunConfig)) -> RunConfig {
+    let mut config = PRESETS[0].config();
+    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, alpha, method);
+    config.chain.impurities.clear();
+    kind(&mut config);
+    config
+}
+
 /// What makes a chain, and how to configure it.
 type Variant = (&'static str, fn(&mut RunConfig));
 
@@ -52,9 +69,7 @@ fn variants(method: Method) -> Vec<Variant> {
 
 #[test]
 fn skipping_and_vectors_change_no_bit() {
-    let mut archs = vec![Arch::Scalar, Arch::new()];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    let archs = archs();
     for method in Method::ALL {
         for alpha in [1.0, 1.01, 1.3, 1.5, 2.0, 2.5, 3.0, 10.0] {
             for (name, variant) in variants(method) {
@@ -138,19 +153,13 @@ fn kinds() -> Vec<Variant> {
 /// At every length where a register, a group or a block ends, by every instruction set, step by step and together.
 #[test]
 fn every_kind_and_length_has_the_bits_of_the_definition() {
-    let mut archs = vec![Arch::Scalar, Arch::new()];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    let archs = archs();
     let (mut tried, mut in_lanes) = (0, 0);
     for beads in [2, 3, 7, 8, 9, 14, 15, 16, 17, 31, 32, 33, 47, 48, 63, 64, 65] {
         for method in Method::ALL {
             for alpha in [1.5, 1.3] {
                 for (name, kind) in kinds() {
-                    let mut config = PRESETS[0].config();
-                    (config.chain.beads, config.chain.alpha, config.integrator.method) =
-                        (beads, alpha, method);
-                    config.chain.impurities.clear();
-                    kind(&mut config);
+                    let config = config_of(beads, method, alpha, kind);
                     // some methods and lengths do not take everything
                     let Ok(physics) = Physics::resolve(&config) else { continue };
                     tried += 1;

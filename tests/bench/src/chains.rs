@@ -101,11 +101,11 @@ const MORE: [(&str, &str, Floor); 4] = [
     ("resonators, N = 200", "[resonators]\nmass_kg = 1e-4\nstiffness_n_per_m = 1e5\n", Floor::AtMost(6.0)),
 ];
 
-/// Tangents beside the state of a pressed chain of so many beads.
-const TANGENTS: [(&str, u64, usize, Floor); 3] = [
-    ("8 tangents, N = 200", 200, 8, Floor::AtMost(4.0)),
-    ("all 200 tangents, N = 100", 100, 200, Floor::AtMost(37.5)),
-    ("8 tangents, ring of FPUT-β bonds, N = 1024", 1024, 8, Floor::AtMost(4.0)),
+/// Tangents beside the state of a chain, and how many.
+const TANGENTS: [(Kind, usize); 3] = [
+    (Kind { what: "8 tangents, N = 200", floor: Floor::AtMost(4.0), ..KINDS[5] }, 8),
+    (Kind { what: "all 200 tangents, N = 100", beads: 100, floor: Floor::AtMost(37.5), ..KINDS[5] }, 200),
+    (Kind { what: "8 tangents, ring of FPUT-β bonds, N = 1024", floor: Floor::AtMost(4.0), ..KINDS[11] }, 8),
 ];
 
 /// Chains in a row of them.
@@ -185,8 +185,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
         report.row(rounds.row(what, "without it", floor, figure))?;
     }
-    for (what, beads, count, floor) in TANGENTS {
-        let kind = Kind { beads, ..if beads == 1024 { KINDS[11] } else { KINDS[5] } };
+    for (kind, count) in TANGENTS {
         let moments = Moments::all_moving(&kind.config(), kind.steps() / 10 / count.div_ceil(8) as u64)?;
         let rounds = Rounds::alternate(
             bench.rounds,
@@ -194,7 +193,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
             || Ok(moments.ours(Arch::new())),
         )?;
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / moments.bead_steps() * 1e9);
-        report.row(rounds.row(what, "the steps alone", floor, figure))?;
+        report.row(rounds.row(kind.what, "the steps alone", kind.floor, figure))?;
     }
     for kind in BESIDE {
         let rounds = Rounds::alternate(bench.rounds, || kind.ours_beside(), || kind.theirs(&plain))?;

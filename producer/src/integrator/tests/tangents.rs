@@ -72,19 +72,13 @@ fn end(physics: &Physics, mut state: ChainState, dimension: usize) -> Vec<f64> {
 /// Every kind of chain, with drives of every kind, at lengths where a register ends and in between.
 #[test]
 fn tangents_are_differences_of_neighbouring_runs_on_every_kind_of_chain() {
-    let mut archs = vec![Arch::Scalar, Arch::new()];
-    #[cfg(target_arch = "x86_64")]
-    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    let archs = archs();
     let (mut tried, mut with_drives, mut with_resonators) = (0, 0, 0);
     for beads in [2, 3, 8, 17, 32, 33] {
         for method in [Method::VelocityVerlet, Method::Rkn4] {
             for alpha in [1.0, 1.5, 1.3, 3.0] {
                 for (name, kind) in kinds().into_iter().chain(driven()) {
-                    let mut config = PRESETS[0].config();
-                    (config.chain.beads, config.chain.alpha, config.integrator.method) =
-                        (beads, alpha, method);
-                    config.chain.impurities.clear();
-                    kind(&mut config);
+                    let config = config_of(beads, method, alpha, kind);
                     let Ok(physics) = Physics::resolve(&config) else { continue };
                     let (u_m, v_m_s): (Vec<_>, Vec<_>) =
                         (0..beads).map(|i| (4.1e-6 * some(i), 0.1 * ((i * 5) % 7) as f64 - 0.3)).unzip();
