@@ -5,6 +5,7 @@ mod check;
 mod contents;
 mod export;
 mod figures;
+mod orbit;
 mod pages;
 mod recordings;
 mod relay;
@@ -17,6 +18,7 @@ pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, subjects};
+pub(crate) use orbit::OrbitArgs;
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
     CatalogArgs, ExpandArgs, RecordArgs, RecoverArgs, ReplayArgs, RewriteArgs, ThinArgs, UploadArgs,
@@ -95,6 +97,8 @@ pub(crate) enum Command {
     View(ViewArgs),
     /// Make one HTML file of a recording that anyone can open, with every step in it
     Share(ShareArgs),
+    /// Find a periodic orbit and its multipliers, or follow orbits along a parameter
+    Orbit(Box<OrbitArgs>),
     /// Simulate a grid of runs and make a table of their results
     Sweep(SweepArgs),
     /// Reproduce the paper, figure by figure, claim by claim: simulate, draw and judge

@@ -9,6 +9,7 @@ pub(crate) mod export;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod manual;
+pub(crate) mod orbit;
 pub(crate) mod plot;
 pub(crate) mod presets;
 pub(crate) mod record;

@@ -120,6 +120,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Plot(args) => commands::plot::plot(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Share(args) => commands::share::share(&args),
+        Command::Orbit(args) => commands::orbit::orbit(&args),
         Command::Sweep(args) => commands::sweep::sweep(&args),
         Command::Reproduce(args) => commands::reproduce::reproduce(&args),
         Command::Record(args) => commands::record::record(&args),

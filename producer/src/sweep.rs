@@ -19,6 +19,7 @@ mod sobol;
 mod values;
 
 pub use definition::Until;
+pub use document::KeyPath;
 pub use ensemble::Ensemble;
 pub use identity::MOST_CHECKED;
 

@@ -21,7 +21,7 @@ pub struct ConfigError {
 
 impl ConfigError {
     /// An impossible value: `key`, what was found, what is allowed.
-    pub(crate) fn value(key: &str, found: impl fmt::Display, allowed: &str) -> Self {
+    pub fn value(key: &str, found: impl fmt::Display, allowed: &str) -> Self {
         Self {
             path: None,
             line: None,

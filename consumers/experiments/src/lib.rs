@@ -4,6 +4,7 @@
 //! - `measures`: numbers of any analysis that a row has when it is asked for them by name
 //! - [`ensemble`]: what the rows of points have in common that differ in one key
 //! - [`compare`]: a run and its twins, side by side
+//! - [`recorded`]: a run that goes into a file
 //! - [`pool`]: jobs shared out among threads
 
 mod columns;
@@ -13,6 +14,7 @@ mod measures;
 mod point;
 pub mod pool;
 mod prepare;
+pub mod recorded;
 pub mod row;
 
 pub use columns::{ERROR_COLUMN, columns};

@@ -3,16 +3,14 @@
 use crate::{Observed, Observer, Run};
 use anyhow::{Context as _, Error};
 use consumers::follow::{Tally, follow};
-use producer::run::{Conductor, RunError};
+use experiments::recorded::record;
 use recording::hex;
-use recording::{RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
-use schemas::frame::{EndReason, Frame, FrameSink};
+use recording::{RecordingInfo, RecordingSource};
+use schemas::frame::EndReason;
 use schemas::manifest::{Origin, RunManifest};
 use schemas::whole_file::create_directory;
-use std::convert::Infallible;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// A run with its place in the cache.
 #[derive(Debug)]
@@ -56,22 +54,8 @@ impl Cached {
     /// When a state leaves the range of doubles, or the recording cannot be written.
     pub fn simulate(&self, stop: &AtomicBool, progress: impl Fn(u64)) -> Result<bool, Error> {
         // what stands there is of no use, see `look`
-        let options = WriteOptions { force: true, ..WriteOptions::default() };
-        let mut recorder =
-            RecordingWriter::create(&self.path, &self.manifest, &self.run.config.to_toml(), &options)?;
-        let mut watch = Conduct { stop, progress };
-        let outcome = producer::run::run(&self.manifest, &mut Unpublished, Some(&mut recorder), &mut watch);
-        let outcome = match outcome {
-            Ok(outcome) => outcome,
-            Err(RunError::Publish { source, .. }) => match source {},
-            Err(error) => return Err(Error::new(error).context(self.run.name().to_owned())),
-        };
-        if outcome.reason != EndReason::Complete {
-            recorder.discard();
-            return Ok(false);
-        }
-        recorder.finish(outcome.reason)?;
-        Ok(true)
+        record(&self.manifest, &self.run.config.to_toml(), &self.path, stop, progress)
+            .map_err(|error| Error::new(error).context(self.run.name().to_owned()))
     }
 
     /// Looks at every frame of the recording; nothing if it is damaged.
@@ -96,42 +80,4 @@ impl Cached {
 /// When the operating system refuses.
 pub fn create(directory: &Path) -> Result<(), Error> {
     create_directory(directory).with_context(|| format!("{} cannot be created", directory.display()))
-}
-
-/// Nobody listens to these runs.
-struct Unpublished;
-
-impl FrameSink for Unpublished {
-    type Error = Infallible;
-
-    fn accept(&mut self, _: &Frame<'_>) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-struct Conduct<'a, P> {
-    stop: &'a AtomicBool,
-    progress: P,
-}
-
-impl<P: Fn(u64)> Conduct<'_, P> {
-    fn go_on(&self) -> ControlFlow<()> {
-        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
-    fn after_frame(
-        &mut self,
-        frame: &Frame<'_>,
-        _: &mut Unpublished,
-        _: Option<&mut RecordingWriter>,
-    ) -> ControlFlow<()> {
-        (self.progress)(frame.step);
-        self.go_on()
-    }
-
-    fn between_steps(&mut self, _: &mut Unpublished) -> ControlFlow<()> {
-        self.go_on()
-    }
 }

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 /// The place of a value in a configuration, such as `chain.impurities[0].mass_kg`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct KeyPath {
+pub struct KeyPath {
     parts: Vec<Part>,
 }
 
@@ -17,7 +17,10 @@ enum Part {
 
 impl KeyPath {
     /// Reads a dotted path with indices in brackets.
-    pub(super) fn parse(text: &str) -> Result<Self, String> {
+    ///
+    /// # Errors
+    /// When it is none.
+    pub fn parse(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!("`{text}` is no key; allowed: names and indices such as `chain.impurities[0].mass_kg`")
         };
@@ -49,7 +52,10 @@ impl KeyPath {
     }
 
     /// Sets the value in `document`. Makes missing tables on the way, but no entries of lists.
-    pub(super) fn set(&self, document: &mut Table, value: Value) -> Result<(), String> {
+    ///
+    /// # Errors
+    /// When something else stands on the way.
+    pub fn set(&self, document: &mut Table, value: Value) -> Result<(), String> {
         let [Part::Key(first), rest @ ..] = self.parts.as_slice() else {
             return Err(format!("`{self}` does not begin with a name"));
         };

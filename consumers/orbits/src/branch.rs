@@ -1,0 +1,254 @@
+//! Branches of orbits along a parameter, by pseudo-arclength: each orbit lies on a plane across the direction of the branch, so that a branch can
+//! turn back.
+
+use crate::map::norm;
+use crate::multipliers::{Instability, Multiplier, Multipliers};
+use crate::newton::{Found, NoOrbit, Plane, Unknown};
+use crate::{Orbit, Search};
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+
+/// The part of a branch that is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stretch {
+    /// The parameter at the first orbit.
+    pub from: f64,
+    /// The parameter at which the branch ends.
+    pub to: f64,
+    /// First step, and a fifth of the longest one, over the whole stretch.
+    pub step: f64,
+    /// Most orbits.
+    pub most: usize,
+}
+
+/// A place on a branch, from which it goes on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// The orbit.
+    pub unknown: Unknown,
+    /// The direction of the branch there.
+    direction: Vec<f64>,
+    /// Length of the next step.
+    length: f64,
+}
+
+/// A change of stability on a branch.
+#[derive(Debug, Clone)]
+pub struct Change {
+    /// Its name: that of an instability, or `fold` where the branch turns back.
+    pub name: &'static str,
+    /// The orbit at it.
+    pub orbit: Orbit,
+    /// The multiplier that leaves the unit circle, or comes back to it.
+    pub multiplier: Multiplier,
+    /// True if the orbits after it have more instabilities than those before.
+    pub begins: bool,
+}
+
+/// The way in which a branch ends.
+#[derive(Debug, Clone, PartialEq)]
+pub enum End {
+    /// It reaches its last value.
+    Reached,
+    /// It comes back to its first value.
+    CameBack,
+    /// It has as many orbits as it may have.
+    Most,
+    /// Nothing more is found.
+    Lost(NoOrbit),
+    /// The caller ended it.
+    Stopped,
+}
+
+/// Shortest step, over the whole stretch.
+const SHORTEST: f64 = 1e-5;
+/// Newton steps up to which a step of the branch grows.
+const FEW: usize = 4;
+/// Least cosine of the angle between the directions of orbits beside each other.
+const STRAIGHT: f64 = 0.95;
+/// Looks for the place of a change of stability.
+const LOOKS: usize = 24;
+
+impl Step {
+    /// True if the branch goes the other way along its parameter at `next`.
+    pub fn turns(&self, next: &Self) -> bool {
+        let way = |step: &Self| step.direction.last().is_some_and(|way| *way > 0.0);
+        way(self) != way(next)
+    }
+}
+
+impl Search<'_> {
+    /// The orbit that was found earlier.
+    ///
+    /// # Errors
+    /// When it is not one of this search.
+    pub fn again(&self, unknown: &Unknown) -> Result<Orbit, NoOrbit> {
+        self.orbit(self.newton.find(unknown.clone(), None)?)
+    }
+
+    /// The search with the units of `stretch`.
+    #[must_use]
+    pub fn along(mut self, stretch: &Stretch) -> Self {
+        self.newton.units[1] = (stretch.to - stretch.from).abs();
+        self
+    }
+
+    /// Follows the branch from the orbit near the seed; or from the last of `steps`, made earlier, on. Tells `look` each orbit and the place
+    /// on the branch.
+    ///
+    /// # Errors
+    /// When there is no first orbit.
+    pub fn follow(
+        &self,
+        stretch: &Stretch,
+        last: Option<Step>,
+        mut look: impl FnMut(&Step, &Orbit) -> ControlFlow<()>,
+    ) -> Result<End, NoOrbit> {
+        let mut at = match last {
+            Some(step) => step,
+            None => {
+                let found = self.newton.find(self.start.clone(), None)?;
+                let mut forward = vec![0.0; self.newton.coordinates.count() + 2];
+                if let Some(last) = forward.last_mut() {
+                    *last = (stretch.to - stretch.from).signum();
+                }
+                let direction = self.newton.direction(&found, &forward)?;
+                let step = Step { unknown: found.unknown.clone(), direction, length: stretch.step };
+                if look(&step, &self.orbit(found)?).is_break() {
+                    return Ok(End::Stopped);
+                }
+                step
+            }
+        };
+        for _ in 1..stretch.most {
+            match self.next(stretch, &at) {
+                Ok((step, found, end)) => {
+                    if look(&step, &self.orbit(found)?).is_break() {
+                        return Ok(End::Stopped);
+                    }
+                    if let Some(end) = end {
+                        return Ok(end);
+                    }
+                    at = step;
+                }
+                Err(why) => return Ok(End::Lost(why)),
+            }
+        }
+        Ok(End::Most)
+    }
+
+    /// The next orbit of a branch, and its end, if that is there.
+    fn next(&self, stretch: &Stretch, at: &Step) -> Result<(Step, Found, Option<End>), NoOrbit> {
+        let mut length = at.length;
+        loop {
+            match self.tried(stretch, at, length) {
+                Ok(Some(next)) => return Ok(next),
+                Err(why) if length < 2.0 * SHORTEST => return Err(why),
+                Ok(None) if length < 2.0 * SHORTEST => {
+                    return Err(NoOrbit::Chain("the branch turns too sharply to be followed"));
+                }
+                _ => length *= 0.5,
+            }
+        }
+    }
+
+    /// The orbit after a step of `length`; none if the branch turns too far in it.
+    fn tried(
+        &self,
+        stretch: &Stretch,
+        at: &Step,
+        length: f64,
+    ) -> Result<Option<(Step, Found, Option<End>)>, NoOrbit> {
+        let newton = &self.newton;
+        let from = newton.numbers(&at.unknown);
+        let through: Vec<f64> = from.iter().zip(&at.direction).map(|(x, d)| x + length * d).collect();
+        let guess = self.unknown_near(&at.unknown, &from, &through)?;
+        let plane = Plane { normal: at.direction.clone(), through };
+        let found = newton.find(guess, Some(&plane))?;
+        let parameter = found.unknown.parameter;
+        let beyond = |limit: f64, sign: f64| (parameter - limit) * (stretch.to - stretch.from).signum() * sign >= 0.0;
+        for (limit, sign, end) in [(stretch.to, 1.0, End::Reached), (stretch.from, -1.0, End::CameBack)] {
+            if beyond(limit, sign) {
+                let guess = self.between(&at.unknown, &found.unknown, limit)?;
+                let found = newton.find(guess, None)?;
+                let step = Step { unknown: found.unknown.clone(), ..at.clone() };
+                return Ok(Some((step, found, Some(end))));
+            }
+        }
+        let direction = newton.direction(&found, &at.direction)?;
+        let cosine: f64 = direction.iter().zip(&at.direction).map(|(a, b)| a * b).sum();
+        if cosine < STRAIGHT {
+            return Ok(None);
+        }
+        let grown = if found.residuals.len() <= FEW { 1.5 * length } else { length };
+        let step = Step { unknown: found.unknown.clone(), direction, length: grown.min(5.0 * stretch.step) };
+        Ok(Some((step, found, None)))
+    }
+
+    /// `unknown`, moved from the numbers `from` to `to`; further parts of the period follow the flow.
+    fn unknown_near(&self, unknown: &Unknown, from: &[f64], to: &[f64]) -> Result<Unknown, NoOrbit> {
+        let count = self.newton.coordinates.count();
+        let mut next = unknown.clone();
+        next.points[0].copy_from_slice(&to[..count]);
+        next.dt_s += (to[count] - from[count]) * self.newton.units[0];
+        next.parameter += (to[count + 1] - from[count + 1]) * self.newton.units[1];
+        self.newton.flow(&mut next)?;
+        Ok(next)
+    }
+
+    /// A guess of the orbit at `parameter`, between those two.
+    fn between(&self, one: &Unknown, other: &Unknown, parameter: f64) -> Result<Unknown, NoOrbit> {
+        let part = (parameter - one.parameter) / (other.parameter - one.parameter);
+        let (from, to) = (self.newton.numbers(one), self.newton.numbers(other));
+        let at: Vec<f64> = from.iter().zip(&to).map(|(a, b)| a + part * (b - a)).collect();
+        Ok(Unknown { parameter, ..self.unknown_near(one, &from, &at)? })
+    }
+
+    /// The change of stability between two orbits beside each other on a branch, if there is one.
+    ///
+    /// # Errors
+    /// When no orbit is found between them.
+    pub fn change(&self, one: &Orbit, other: &Orbit, turns: bool) -> Result<Option<Change>, NoOrbit> {
+        let counts = [one, other].map(|orbit| orbit.multipliers.unstable().count());
+        if counts[0] == counts[1] {
+            return Ok(None);
+        }
+        let begins = counts[1] > counts[0];
+        let worse: &Multipliers = if begins { &other.multipliers } else { &one.multipliers };
+        let Some(multiplier) = worse.unstable().last() else { return Ok(None) };
+        let kind = worse.kind(multiplier);
+        let test = |orbit: &Orbit| orbit.multipliers.test(kind, multiplier);
+        let (from, to) = (self.newton.numbers(&one.unknown), self.newton.numbers(&other.unknown));
+        let difference: Vec<f64> = to.iter().zip(&from).map(|(to, from)| to - from).collect();
+        let length = norm(&difference);
+        let normal: Vec<f64> = difference.iter().map(|x| x / length).collect();
+        let mut ends = [(0.0, test(one), one.clone()), (1.0, test(other), other.clone())];
+        let name = if turns && kind == Instability::Real { "fold" } else { kind.as_str() };
+        for look in 0..LOOKS {
+            let [(a, Some(at_a), _), (b, Some(at_b), _)] = &ends else { break };
+            if at_a.signum() == at_b.signum() {
+                break;
+            }
+            // the secant, and the middle each third time, which always shortens the interval
+            let part = if look % 3 == 2 { 0.5 * (a + b) } else { a - at_a * (b - a) / (at_b - at_a) };
+            let through: Vec<f64> = from.iter().zip(&difference).map(|(x, d)| x + part * d).collect();
+            let guess = self.unknown_near(&one.unknown, &from, &through)?;
+            let plane = Plane { normal: normal.clone(), through };
+            let orbit = self.orbit(self.newton.find(guess, Some(&plane))?)?;
+            let value = test(&orbit);
+            let side = usize::from(value.is_some_and(|value| value.signum() == at_b.signum()));
+            let is_there = value.is_some_and(|value| value.abs() < 1e-12) || (b - a).abs() < 1e-12;
+            ends[side] = (part, value, orbit);
+            if is_there {
+                break;
+            }
+        }
+        let nearest = |end: &(f64, Option<f64>, Orbit)| end.1.map_or(f64::INFINITY, f64::abs);
+        let [a, b] = ends;
+        let orbit = if nearest(&a) < nearest(&b) { a.2 } else { b.2 };
+        let near = orbit.multipliers.telling();
+        let distance = |one: &Multiplier| (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs();
+        let multiplier = near.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(multiplier);
+        Ok(Some(Change { name, orbit, multiplier, begins }))
+    }
+}

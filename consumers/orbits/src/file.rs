@@ -1,0 +1,298 @@
+//! An orbit file: a configuration with a table `[orbit]`, and perhaps `[continue]`.
+
+use crate::branch::Stretch;
+use crate::{Asked, Options, Orbit, Problem};
+use producer::sweep::KeyPath;
+use schemas::config::{ConfigError, Initial, RunConfig, Strikers, TimeConfig};
+use schemas::drive::Waveform;
+use schemas::manifest::Physics;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+use waves::linear::LinearChain;
+use waves::modes::Modes;
+
+/// A configuration with everything in it that it only names, looked for beside a file.
+pub type Prepare = fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>;
+
+/// The table `[orbit]`.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Written {
+    /// The period (s); beside another quantity a first guess of it.
+    period_s: Option<f64>,
+    energy_j: Option<f64>,
+    amplitude_m: Option<f64>,
+    /// Periods of the drive in one of the orbit.
+    periods: Option<u64>,
+    shift_beads: u64,
+    steps: Option<u64>,
+    segments: Option<u64>,
+    mode: Option<SeedMode>,
+}
+
+/// A linear mode as a seed.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SeedMode {
+    /// Its number, from 1, as `modes` counts them.
+    number: u64,
+    /// Its largest displacement (m).
+    displacement_m: f64,
+}
+
+/// The table `[continue]`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Continue {
+    key: String,
+    from: f64,
+    to: f64,
+    #[serde(default = "usual_step")]
+    step: f64,
+    #[serde(default = "usual_most")]
+    most: usize,
+}
+
+fn usual_step() -> f64 {
+    0.02
+}
+
+fn usual_most() -> usize {
+    1000
+}
+
+/// An orbit file, read.
+pub struct File {
+    path: PathBuf,
+    document: Table,
+    written: Written,
+    follow: Option<(KeyPath, Continue)>,
+    prepare: Prepare,
+    /// The seed as lists.
+    seed: Initial,
+    /// The period (s) of a mode that is the seed.
+    mode_period_s: Option<f64>,
+}
+
+const TABLES: [&str; 2] = ["orbit", "continue"];
+
+impl File {
+    /// Reads the file `path` with the contents `text`.
+    ///
+    /// # Errors
+    /// With the key, the value and what is allowed.
+    pub fn read(path: &Path, text: &str, prepare: Prepare) -> Result<Self, ConfigError> {
+        let read = || -> Result<Self, ConfigError> {
+            let document: Table = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
+            let tables: Tables = toml::from_str(text).map_err(|error| ConfigError::of_toml(&error, text))?;
+            let written = tables.orbit.unwrap_or_default();
+            let follow = tables.r#continue.map(Continue::checked).transpose()?;
+            let (path, seed) = (path.to_owned(), Initial::default());
+            let mut file = Self { path, document, written, follow, prepare, seed, mode_period_s: None };
+            file.check()?;
+            file.find_seed()?;
+            file.problem(file.from())?;
+            Ok(file)
+        };
+        read().map_err(|error| error.located(text, Some(path)))
+    }
+
+    /// The parameter at the first orbit.
+    pub fn from(&self) -> f64 {
+        self.follow.as_ref().map_or(0.0, |(_, follow)| follow.from)
+    }
+
+    /// The key that a branch is followed along, and the stretch of it; none if one orbit is asked for.
+    pub fn stretch(&self) -> Option<(&str, Stretch)> {
+        let (_, Continue { key, from, to, step, most }) = self.follow.as_ref()?;
+        Some((key, Stretch { from: *from, to: *to, step: *step, most: *most }))
+    }
+
+    /// Settings of the search.
+    pub fn options(&self) -> Options {
+        let Written { steps, segments, shift_beads, period_s, .. } = self.written;
+        Options { steps, segments, shift_beads, period_s: period_s.or(self.mode_period_s) }
+    }
+
+    /// The problem at a value of the parameter.
+    ///
+    /// # Errors
+    /// When no chain has it.
+    pub fn problem(&self, parameter: f64) -> Result<Problem, ConfigError> {
+        let (config, written) = self.at(parameter)?;
+        let physics = Physics::resolve(&config)?;
+        let asked = match (written.energy_j, written.amplitude_m) {
+            (Some(energy_j), _) => Asked::EnergyJ(energy_j),
+            (_, Some(amplitude_m)) => Asked::AmplitudeM(amplitude_m),
+            _ => Asked::PeriodS(config.time.duration_s),
+        };
+        Ok(Problem { physics, asked })
+    }
+
+    /// The configuration of a run over one period of `orbit`.
+    ///
+    /// # Errors
+    /// When no run begins there: resonators rest in their beads.
+    pub fn config_of(&self, orbit: &Orbit) -> Result<RunConfig, ConfigError> {
+        let (mut config, _) = self.at(orbit.unknown.parameter)?;
+        config.initial = Initial {
+            displacements_m: orbit.state.u_m.to_vec(),
+            velocities_m_s: orbit.state.v_m_s.to_vec(),
+            ..Initial::default()
+        };
+        config.time = TimeConfig { duration_s: orbit.period_s(), dt_s: Some(orbit.physics.dt_s) };
+        Ok(config)
+    }
+
+    /// The configuration at a value of the parameter, with the seed, and the table of the orbit.
+    fn at(&self, parameter: f64) -> Result<(RunConfig, Written), ConfigError> {
+        let mut document = self.document.clone();
+        if let Some((key, follow)) = &self.follow {
+            let refuse = |why: String| ConfigError { path: None, line: None, key: follow.key.clone(), message: why };
+            key.set(&mut document, Value::Float(parameter)).map_err(refuse)?;
+        }
+        let orbit = document.get("orbit").cloned().unwrap_or_else(|| Value::Table(Table::new()));
+        let refuse = |error: toml::de::Error| ConfigError::of_toml(&error, "");
+        let written = Written::deserialize(orbit).map_err(refuse)?;
+        for table in TABLES.into_iter().chain(["initial", "striker", "time"]) {
+            document.remove(table);
+        }
+        // the time of a run decides nothing here but the step
+        let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
+        let seed = Value::try_from(&self.seed).unwrap_or_else(|_| Value::Table(Table::new()));
+        document.extend([("time".to_owned(), Value::Table(time)), ("initial".to_owned(), seed)]);
+        let config = RunConfig::from_table(&document)?;
+        let mut config = (self.prepare)(config, self.path.parent())?;
+        let period_s = self.period_s(&config, &written)?;
+        config.time = TimeConfig { duration_s: period_s, dt_s: self.dt_s() };
+        Ok((config, written))
+    }
+
+    /// The time step (s) that the file gives.
+    fn dt_s(&self) -> Option<f64> {
+        self.document.get("time")?.get("dt_s")?.as_float()
+    }
+
+    /// The period (s), or a first guess of it.
+    fn period_s(&self, config: &RunConfig, written: &Written) -> Result<f64, ConfigError> {
+        let key = "orbit.period_s";
+        if config.drive.is_empty() {
+            let allowed = "a period, or a first guess of it beside orbit.energy_j or orbit.amplitude_m, or a mode as the seed (orbit.mode)";
+            return written.period_s.or(self.mode_period_s).ok_or_else(|| refused(key, "nothing", allowed));
+        }
+        if let Some(period_s) = written.period_s {
+            return Err(refused(key, &period_s.to_string(), "nothing beside [[drive]], which gives the period; orbit.periods is a multiple of it"));
+        }
+        let mut first_hz = None;
+        let periods = written.periods.unwrap_or(1) as f64;
+        for (d, drive) in config.drive.iter().enumerate() {
+            let key = format!("drive[{d}].{}", drive.prescribes.key());
+            let allowed = "a sine without ramps and end, or a constant: others have no period";
+            match &drive.waveform {
+                Waveform::Constant(_) => {}
+                Waveform::Sine(sine) if sine.ramp_s == 0.0 && sine.until_s.is_none() => {
+                    let first_hz = *first_hz.get_or_insert(sine.frequency_hz);
+                    let turns = periods * sine.frequency_hz / first_hz;
+                    if (turns - turns.round()).abs() > 1e-9 {
+                        let allowed = "a frequency that makes whole turns in a period of the orbit; see orbit.periods";
+                        return Err(refused(&key, &format!("{} Hz", sine.frequency_hz), allowed));
+                    }
+                }
+                other => return Err(refused(&key, other.kind(), allowed)),
+            }
+        }
+        let no_period = || refused("drive", "no sine", "at least one, which gives the period");
+        first_hz.map(|frequency_hz| periods / frequency_hz).ok_or_else(no_period)
+    }
+
+    /// Refuses tables that ask for nothing that can be found.
+    fn check(&self) -> Result<(), ConfigError> {
+        let Written { period_s, energy_j, amplitude_m, periods, steps, segments, .. } = self.written;
+        if energy_j.is_some() && amplitude_m.is_some() {
+            return Err(refused("orbit.energy_j", "amplitude_m beside it", "one of the two"));
+        }
+        let numbers = [("period_s", period_s), ("energy_j", energy_j), ("amplitude_m", amplitude_m)];
+        for (name, number) in numbers {
+            let is_possible = |x: f64| x.is_finite() && (x > 0.0 || name == "amplitude_m" && x != 0.0);
+            if let Some(number) = number.filter(|number| !is_possible(*number)) {
+                return Err(refused(&format!("orbit.{name}"), &number.to_string(), "a number above 0"));
+            }
+        }
+        for (name, count, most) in [("periods", periods, 1000), ("steps", steps, 100_000_000), ("segments", segments, 1000)] {
+            if let Some(count) = count.filter(|count| !(1..=most).contains(count)) {
+                let allowed = format!("a whole number from 1 to {most}");
+                return Err(refused(&format!("orbit.{name}"), &count.to_string(), &allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the seed: a mode, or the initial state of the configuration.
+    fn find_seed(&mut self) -> Result<(), ConfigError> {
+        let mut document = self.document.clone();
+        TABLES.iter().for_each(|table| drop(document.remove(*table)));
+        let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
+        document.entry("time").or_insert(Value::Table(time));
+        // the line is that of the key in the file
+        let unplaced = |error: ConfigError| ConfigError { line: None, ..error };
+        let config = RunConfig::of_chain(&toml::to_string(&document).unwrap_or_default()).map_err(unplaced)?;
+        let mut config = (self.prepare)(config, self.path.parent())?;
+        let period_s = self.written.period_s.unwrap_or(1.0);
+        config.time.duration_s = config.time.dt_s.map_or(period_s, |dt_s| period_s.max(dt_s));
+        let beads = usize::try_from(config.chain.beads).unwrap_or(0);
+        let Some(mode) = self.written.mode else {
+            if config.initial.is_none() && config.drive.is_empty() && config.striker.velocity_m_s == 0.0 {
+                let allowed = "a seed: orbit.mode = { number, displacement_m }, [initial] or [striker]";
+                return Err(refused("initial", "nothing", allowed));
+            }
+            let (u_m, v_m_s) = Physics::resolve(&config)?.initial_state();
+            let velocities_m_s = if v_m_s.iter().all(|v| *v == 0.0) { Vec::new() } else { v_m_s };
+            self.seed = Initial { displacements_m: u_m, velocities_m_s, ..Initial::default() };
+            return Ok(());
+        };
+        config.striker = Strikers::default();
+        config.initial = Initial { displacements_m: vec![mode.displacement_m; beads], ..Initial::default() };
+        let refuse = |why: String| ConfigError { path: None, line: None, key: "orbit.mode".to_owned(), message: why };
+        let linear = LinearChain::of(&Physics::resolve(&config)?.chain()).map_err(|error| refuse(error.to_string()))?;
+        let modes = Modes::of(&linear).map_err(|error| refuse(error.to_string()))?;
+        let place = usize::try_from(mode.number).ok().and_then(|number| number.checked_sub(1));
+        let Some(place) = place.filter(|place| *place < modes.count()) else {
+            let allowed = format!("a mode from 1 to {}; `beadline modes` lists them", modes.count());
+            return Err(refused("orbit.mode.number", &mode.number.to_string(), &allowed));
+        };
+        let shape = modes.shape(place).into_iter().map(|u| u * mode.displacement_m);
+        self.seed = Initial { displacements_m: shape.collect(), ..Initial::default() };
+        self.mode_period_s = Some(1.0 / modes.frequency_hz(place)).filter(|period_s| period_s.is_finite());
+        Ok(())
+    }
+}
+
+impl Continue {
+    fn checked(self) -> Result<(KeyPath, Self), ConfigError> {
+        let refuse = |why| ConfigError { path: None, line: None, key: "continue.key".to_owned(), message: why };
+        let key = KeyPath::parse(&self.key).map_err(refuse)?;
+        let is_there = self.from.is_finite() && self.to.is_finite() && self.from != self.to;
+        if !is_there {
+            return Err(refused("continue.to", &self.to.to_string(), "a number other than continue.from"));
+        }
+        if !(1e-6..=1.0).contains(&self.step) {
+            return Err(refused("continue.step", &self.step.to_string(), "a part of the way from 1e-6 to 1"));
+        }
+        if !(2..=1_000_000).contains(&self.most) {
+            return Err(refused("continue.most", &self.most.to_string(), "a whole number from 2 to 1000000"));
+        }
+        Ok((key, self))
+    }
+}
+
+fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
+    ConfigError::value(key, found, allowed)
+}
+
+/// The tables of an orbit file that a configuration does not have.
+#[derive(Deserialize)]
+struct Tables {
+    orbit: Option<Written>,
+    r#continue: Option<Continue>,
+}

@@ -1,0 +1,200 @@
+//! Periodic orbits of chains: states that come back after a period, found by Newton's method on the map of the run's own steps, with the exact
+//! derivative of this map; their multipliers; branches of orbits along a parameter.
+//!
+//! ```
+//! use orbits::{Asked, Options, Problem, Search};
+//! use schemas::{config::RunConfig, manifest::Physics};
+//!
+//! // two beads on springs: they swing against each other with ω² = 3
+//! let config = RunConfig::from_toml("
+//!     chain = { beads = 2, bead_mass_kg = 1.0, bonds = { linear = 1.0, cubic = 1.0 } }
+//!     ends = { left = 'fixed', right = 'fixed' }
+//!     initial = { displacements_m = [0.001, -0.001] }
+//!     time = { duration_s = 1.0, dt_s = 0.01 }").unwrap();
+//! let physics = Physics::resolve(&config).unwrap();
+//! let family = |_| Ok(Problem { physics: physics.clone(), asked: Asked::AmplitudeM(0.001) });
+//! let options = Options { period_s: Some(3.63), ..Options::default() };
+//! let orbit = Search::begin(&family, 0.0, options).unwrap().find().unwrap();
+//! assert!((orbit.period_s() - std::f64::consts::TAU / 3.0_f64.sqrt()).abs() < 1e-4);
+//! assert!(orbit.multipliers.unstable().next().is_none());
+//! ```
+
+pub mod branch;
+mod eigenvalues;
+pub mod file;
+mod map;
+pub mod multipliers;
+pub mod newton;
+pub mod shown;
+
+pub use map::MapError;
+pub use newton::{Asked, Family, NoOrbit, Problem};
+
+use map::{Coordinates, Map, norm};
+use multipliers::Multipliers;
+use newton::{Found, Newton, Unknown};
+use producer::state::ChainState;
+use schemas::chain::Chain;
+use schemas::drive::{Place, Quantity};
+use schemas::manifest::Physics;
+
+/// The most coordinates, 2N or 4N with resonators, for which matrices are dense.
+pub const MOST_COORDINATES: usize = 2000;
+
+/// Settings of a search, beside the problem.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Steps of a period; by default those that the run takes for it, or a few more.
+    pub steps: Option<u64>,
+    /// Parts into which a period is divided, each with a beginning of its own.
+    pub segments: Option<u64>,
+    /// Beads by which the state is displaced after a period.
+    pub shift_beads: u64,
+    /// A first guess of a period (s) that is not asked for.
+    pub period_s: Option<f64>,
+}
+
+/// A search for orbits of a family of chains.
+pub struct Search<'a> {
+    newton: Newton<'a>,
+    start: Unknown,
+    /// Multipliers that are 1 by symmetry.
+    trivial: usize,
+    is_conservative: bool,
+}
+
+/// A periodic orbit.
+#[derive(Debug, Clone)]
+pub struct Orbit {
+    /// The run that makes it: with its time step, and its period as the duration.
+    pub physics: Physics,
+    /// The state at its beginning.
+    pub state: ChainState,
+    /// The orbit as the search knows it.
+    pub unknown: Unknown,
+    /// Its multipliers.
+    pub multipliers: Multipliers,
+    /// Energy (J) at its beginning.
+    pub energy_j: f64,
+    /// Residual at each step of Newton's method.
+    pub residuals: Vec<f64>,
+    /// Distance between the state and that a period later, over its size.
+    pub returns: f64,
+}
+
+impl Orbit {
+    /// Its period (s).
+    pub fn period_s(&self) -> f64 {
+        self.physics.dt_s * self.physics.step_count as f64
+    }
+
+    /// The largest displacement (m) at its beginning.
+    pub fn amplitude_m(&self) -> f64 {
+        self.state.u_m.iter().fold(0.0, |most: f64, u| most.max(u.abs()))
+    }
+}
+
+impl<'a> Search<'a> {
+    /// Begins at the initial state of the problem at `parameter`.
+    ///
+    /// # Errors
+    /// When the seed is at rest, or the chain has no orbits, or none that are found in this way.
+    pub fn begin(family: &'a Family<'a>, parameter: f64, options: Options) -> Result<Self, NoOrbit> {
+        let Problem { physics, asked } = family(parameter)?;
+        let chain = physics.chain();
+        let is_driven = !physics.drives.is_empty();
+        let is_conservative = chain.damping.is_none() && !physics.has_drag();
+        if !is_driven && !is_conservative {
+            return Err(NoOrbit::Chain("the chain loses energy and nothing drives it: it comes to rest; add a [[drive]]"));
+        }
+        let period_s = match asked {
+            Asked::PeriodS(period_s) => Some(period_s),
+            Asked::EnergyJ(_) | Asked::AmplitudeM(_) if is_driven => {
+                let why = "the drive gives the period: leave energy_j and amplitude_m out";
+                return Err(NoOrbit::Chain(why));
+            }
+            Asked::EnergyJ(_) | Asked::AmplitudeM(_) => options.period_s,
+        };
+        let no_period = NoOrbit::Chain("no first guess of the period: give orbit.period_s, or a mode as the seed");
+        let period_s = period_s.filter(|period_s| *period_s > 0.0).ok_or(no_period)?;
+        let segments = options.segments.unwrap_or(1).max(1);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of steps, checked below")]
+        let steps = options.steps.unwrap_or((period_s / physics.dt_s).ceil() as u64).max(1).next_multiple_of(2 * segments);
+        if steps > 100_000_000 {
+            return Err(NoOrbit::Chain("a period of more than 1e8 steps: the period is too long for the time step"));
+        }
+        let physics = Physics { dt_s: period_s / steps as f64, ..physics };
+        let begun = ChainState::initial(&physics);
+        let mut coordinates = Coordinates::of(&physics, &begun).map_err(MapError::from)?;
+        if coordinates.count() > MOST_COORDINATES {
+            return Err(NoOrbit::Chain("orbits are found by dense matrices, of chains of up to 1000 beads (500 with resonators)"));
+        }
+        let mut points = vec![coordinates.of_state(&begun)];
+        let shift_beads = options.shift_beads;
+        let after = |coordinates: &Coordinates, points: &[Vec<f64>], steps: u64| {
+            Map { physics: &physics, coordinates, steps, shift_beads }.carry(physics.dt_s, points, false)
+        };
+        if norm(&points[0]) == 0.0 {
+            // a chain at rest that is driven: the size of its motion is that after a period
+            let end = after(&coordinates, &points, steps)?.ends.pop().unwrap_or_default();
+            coordinates.rescale(norm(&end));
+            if norm(&end) == 0.0 {
+                return Err(NoOrbit::Chain("the seed is at rest: give [initial], a striker, or orbit.mode"));
+            }
+        }
+        let largest = (0..begun.u_m.len()).max_by(|a, b| begun.u_m[*a].abs().total_cmp(&begun.u_m[*b].abs()));
+        let symmetries = usize::from(!is_driven) + usize::from(is_loose(&physics, &chain, shift_beads));
+        points.resize(usize::try_from(segments).unwrap_or(1), Vec::new());
+        let mut start = Unknown { points, dt_s: physics.dt_s, parameter };
+        let all: Vec<usize> = (0..coordinates.count()).collect();
+        let (displacements, velocities) = coordinates.displacements_and_velocities();
+        let is_still = velocities.iter().all(|place| start.points[0][*place] == 0.0);
+        let turns = is_still && is_conservative && !is_driven && shift_beads == 0;
+        let newton = Newton {
+            unknown: if turns { displacements } else { all.clone() },
+            turns,
+            closed: if turns { velocities } else { all },
+            family,
+            coordinates,
+            steps,
+            shift_beads,
+            symmetries: symmetries - usize::from(turns),
+            bead: largest.unwrap_or(0),
+            units: [physics.dt_s, if parameter == 0.0 { 1.0 } else { parameter.abs() }],
+        };
+        newton.flow(&mut start)?;
+        let trivial = if is_conservative { 2 * symmetries } else { symmetries };
+        Ok(Self { newton, start, trivial, is_conservative })
+    }
+
+    /// Finds the orbit near the seed.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn find(&self) -> Result<Orbit, NoOrbit> {
+        self.orbit(self.newton.find(self.start.clone(), None)?)
+    }
+
+    /// The orbit that has been found.
+    fn orbit(&self, found: Found) -> Result<Orbit, NoOrbit> {
+        let Found { unknown, monodromy, residuals } = found;
+        let problem = (self.newton.family)(unknown.parameter)?;
+        let multipliers = Multipliers::of(monodromy, self.trivial, self.is_conservative);
+        let multipliers = multipliers.ok_or(NoOrbit::Chain("the multipliers could not be computed: they are too far apart"))?;
+        let energy_j = self.newton.energy_j(&problem, &unknown);
+        let state = self.newton.state(&problem, &unknown);
+        let physics = Physics { dt_s: unknown.dt_s, step_count: self.newton.steps, ..problem.physics };
+        let returns = self.newton.returns(&unknown)?;
+        Ok(Orbit { physics, state, unknown, multipliers, energy_j, residuals, returns })
+    }
+}
+
+/// True if nothing holds the chain in its place.
+fn is_loose(physics: &Physics, chain: &Chain, shift_beads: u64) -> bool {
+    let has_walls = !chain.is_ring && (chain.walls.left.is_there || chain.walls.right.is_there);
+    let is_held = |drive: &schemas::drive::Drive| {
+        matches!(drive.at, Place::Wall(_)) || drive.prescribes != Quantity::Force
+    };
+    let is_fed = shift_beads > 0 && !chain.is_ring;
+    !has_walls && !is_fed && !chain.sites.has_springs() && !physics.drives.iter().any(is_held)
+}

@@ -1,0 +1,276 @@
+//! The map of a period: a state, one period later, and the derivative of this map.
+
+use nalgebra::DMatrix;
+use producer::integrator::Integrator;
+use producer::state::ChainState;
+use producer::tangents::NoTangent;
+use schemas::chain::Chain;
+use schemas::manifest::Physics;
+use std::thread::{available_parallelism, scope};
+
+/// Tangents that one thread carries at least.
+const FEWEST_TANGENTS: usize = 16;
+
+/// Numbers of a chain that are free to differ: those of a state but for what drives prescribe. All are counted in units in which the seed
+/// has norm 1: displacements and velocities times √m, displacements over the collision time T.
+#[derive(Debug, Clone)]
+pub(crate) struct Coordinates {
+    /// Places among the numbers of a tangent.
+    free: Vec<usize>,
+    /// Unit (m or m/s) of each of these.
+    unit: Vec<f64>,
+    beads: usize,
+}
+
+/// A map: a state, some steps later, displaced along the chain.
+#[derive(Debug, Clone)]
+pub(crate) struct Map<'a> {
+    /// The run; its step is that of a state, in place of this one.
+    pub(crate) physics: &'a Physics,
+    pub(crate) coordinates: &'a Coordinates,
+    pub(crate) steps: u64,
+    /// Beads by which the state is displaced at the end, against the direction of their numbers.
+    pub(crate) shift_beads: u64,
+}
+
+/// States at the ends of parts of a period, and the derivatives by those at their beginnings.
+#[derive(Debug)]
+pub(crate) struct Carried {
+    pub(crate) ends: Vec<Vec<f64>>,
+    pub(crate) derivatives: Vec<DMatrix<f64>>,
+}
+
+/// Reason why a state cannot be carried over a period.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MapError {
+    /// The run leaves the range of doubles.
+    #[error("the state is not finite after {steps} steps: the seed is too far from an orbit, or the step too long")]
+    NotFinite {
+        /// Steps since the beginning of the period.
+        steps: u64,
+    },
+    /// A drive is elsewhere after a period.
+    #[error("what drives move is elsewhere after a period: the period is no multiple of that of the drives, or a velocity has a mean")]
+    DriveMoves,
+    /// A contact with a dashpot closed or opened.
+    #[error(
+        "a contact with a dashpot opens and closes, where its force jumps: there is no derivative; press the chain \
+         ([load] precompression_n), or choose another damping (kuwabara_kono_s)"
+    )]
+    Jumps,
+    /// The method has no tangents.
+    #[error(transparent)]
+    NoTangent(#[from] NoTangent),
+}
+
+impl Coordinates {
+    /// Those of runs of `physics`, in which `start` has norm 1.
+    pub(crate) fn of(physics: &Physics, start: &ChainState) -> Result<Self, NoTangent> {
+        let mut integrator = Integrator::with_tangents(physics, 0)?;
+        let (mut free, mut unit) = (Vec::new(), Vec::new());
+        if let Some(tangents) = integrator.tangents() {
+            let weights = tangents.weights(physics.scales().time_s);
+            free = (0..weights.len()).zip(tangents.free()).filter(|(_, free)| *free).map(|(i, _)| i).collect();
+            unit = free.iter().map(|place| 1.0 / weights[*place].sqrt()).collect();
+        }
+        let mut these = Self { free, unit, beads: start.u_m.len() };
+        let size = norm(&these.of_state(start));
+        these.rescale(size);
+        Ok(these)
+    }
+
+    /// Gives states that have the norm `size` the norm 1, if it is not 0.
+    pub(crate) fn rescale(&mut self, size: f64) {
+        if size > 0.0 {
+            self.unit.iter_mut().for_each(|unit| *unit *= size);
+        }
+    }
+
+    /// Number of coordinates.
+    pub(crate) fn count(&self) -> usize {
+        self.free.len()
+    }
+
+    /// The coordinates of `state`.
+    pub(crate) fn of_state(&self, state: &ChainState) -> Vec<f64> {
+        self.of_numbers(|place| {
+            let (row, bead) = (place / self.beads, place % self.beads);
+            match row {
+                0 => state.u_m[bead],
+                1 => state.v_m_s[bead],
+                _ => state.extra[(row - 2) * self.beads + bead],
+            }
+        })
+    }
+
+    fn of_numbers(&self, number: impl Fn(usize) -> f64) -> Vec<f64> {
+        self.free.iter().zip(&self.unit).map(|(place, unit)| number(*place) / unit).collect()
+    }
+
+    /// Puts `state` at `point`.
+    pub(crate) fn put(&self, point: &[f64], state: &mut ChainState) {
+        for ((place, unit), x) in self.free.iter().zip(&self.unit).zip(point) {
+            let (row, bead) = (place / self.beads, place % self.beads);
+            *match row {
+                0 => &mut state.u_m[bead],
+                1 => &mut state.v_m_s[bead],
+                _ => &mut state.extra[(row - 2) * self.beads + bead],
+            } = x * unit;
+        }
+    }
+
+    /// Places of displacements, and of velocities, among the coordinates.
+    pub(crate) fn displacements_and_velocities(&self) -> (Vec<usize>, Vec<usize>) {
+        (0..self.count()).partition(|place| self.free[*place] / self.beads % 2 == 0)
+    }
+
+    /// Place of the displacement of `bead` among the coordinates, and its unit (m).
+    pub(crate) fn displacement(&self, bead: usize) -> Option<(usize, f64)> {
+        let place = self.free.iter().position(|place| *place == bead)?;
+        Some((place, self.unit[place]))
+    }
+
+    /// For each coordinate, the place of the one that takes its value where a chain is displaced by `beads`, or none at its end.
+    fn displaced(&self, beads: u64, is_ring: bool) -> Vec<Option<usize>> {
+        let of = |place: &usize| {
+            let (row, bead) = (place / self.beads, place % self.beads);
+            let from = bead + usize::try_from(beads).unwrap_or(usize::MAX);
+            let from = if is_ring { from % self.beads } else { from };
+            (from < self.beads).then(|| self.free.binary_search(&(row * self.beads + from)).ok()).flatten()
+        };
+        self.free.iter().map(of).collect()
+    }
+}
+
+impl Map<'_> {
+    /// Carries the states `points`, each the beginning of one of so many equal parts of a period, with steps of `dt_s`; with the derivatives if
+    /// these are asked for.
+    pub(crate) fn carry(&self, dt_s: f64, points: &[Vec<f64>], derive: bool) -> Result<Carried, MapError> {
+        let physics = &Physics { dt_s, ..self.physics.clone() };
+        let chain = &physics.chain();
+        let (count, each) = (self.coordinates.count(), self.steps / points.len() as u64);
+        let start = ChainState::initial(physics);
+        let mut state = start.clone();
+        let mut carried = Carried { ends: Vec::new(), derivatives: Vec::new() };
+        for point in points {
+            self.coordinates.put(point, &mut state);
+            if derive {
+                let threads = available_parallelism().map_or(1, usize::from);
+                let columns = count.div_ceil(threads).next_multiple_of(8).max(FEWEST_TANGENTS);
+                let starts: Vec<usize> = (0..count).step_by(columns).collect();
+                let parts = scope(|threads| {
+                    let part = |start: usize| {
+                        let columns = start..count.min(start + columns);
+                        let state = state.clone();
+                        threads.spawn(move || self.part(physics, state, each, columns))
+                    };
+                    let begun: Vec<_> = starts.into_iter().map(part).collect();
+                    begun.into_iter().map(|part| part.join()).collect::<Vec<_>>()
+                });
+                let mut derivative = DMatrix::zeros(count, count);
+                for part in parts {
+                    let (end, columns) = part.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+                    for (column, numbers) in columns {
+                        derivative.column_mut(column).copy_from_slice(&numbers);
+                    }
+                    state = end;
+                }
+                carried.derivatives.push(derivative);
+            } else {
+                advance(&mut Integrator::new(physics), &mut state, each)?;
+            }
+            carried.ends.push(self.coordinates.of_state(&state));
+        }
+        let moved = self.moved(&start, &state);
+        if moved > 1e-9 {
+            return Err(MapError::DriveMoves);
+        }
+        self.displace(chain, &mut carried);
+        Ok(carried)
+    }
+
+    /// The state after the parts of a period that begin at `points`, each of [`steps`](Self::steps) steps.
+    pub(crate) fn along(&self, dt_s: f64, points: &[Vec<f64>]) -> Result<Vec<f64>, MapError> {
+        let physics = Physics { dt_s, ..self.physics.clone() };
+        let mut state = ChainState::initial(&physics);
+        self.coordinates.put(&points[0], &mut state);
+        advance(&mut Integrator::new(&physics), &mut state, self.steps * points.len() as u64)?;
+        Ok(self.coordinates.of_state(&state))
+    }
+
+    /// Carries `state` over `steps` steps, with the derivatives by some coordinates.
+    fn part(
+        &self,
+        physics: &Physics,
+        mut state: ChainState,
+        steps: u64,
+        columns: std::ops::Range<usize>,
+    ) -> Result<(ChainState, Vec<(usize, Vec<f64>)>), MapError> {
+        let Coordinates { free, unit, .. } = self.coordinates;
+        let mut integrator = Integrator::with_tangents(physics, columns.len())?;
+        if let Some(tangents) = integrator.tangents() {
+            for (number, column) in columns.clone().enumerate() {
+                let mut change = vec![0.0; tangents.dimension()];
+                change[free[column]] = unit[column];
+                tangents.set(number, &change);
+            }
+        }
+        advance(&mut integrator, &mut state, steps)?;
+        let mut found = Vec::new();
+        if let Some(tangents) = integrator.tangents() {
+            for (number, column) in columns.enumerate() {
+                let change = tangents.tangent(number);
+                found.push((column, self.coordinates.of_numbers(|place| change[place])));
+            }
+        }
+        Ok((state, found))
+    }
+
+    /// Largest distance, in the units of the coordinates, by which what drives prescribe has moved.
+    fn moved(&self, start: &ChainState, end: &ChainState) -> f64 {
+        let Coordinates { free, unit, beads } = self.coordinates;
+        let prescribed = (0..*beads).filter(|bead| free.binary_search(bead).is_err());
+        let of_beads = prescribed.map(|bead| (end.u_m[bead] - start.u_m[bead]).abs());
+        let rows = self.physics.rows();
+        let [at_start, at_end] = [start, end].map(|state| rows.drives_of(&state.extra));
+        let of_drives = at_start.chunks_exact(2).zip(at_end.chunks_exact(2)).map(|(a, b)| (a[1] - b[1]).abs());
+        of_beads.chain(of_drives).fold(0.0, f64::max) / unit.first().copied().unwrap_or(1.0)
+    }
+
+    /// Displaces the state at the end of the period along the chain.
+    fn displace(&self, chain: &Chain, carried: &mut Carried) {
+        if self.shift_beads == 0 {
+            return;
+        }
+        let from = self.coordinates.displaced(self.shift_beads, chain.is_ring);
+        if let Some(end) = carried.ends.last_mut() {
+            *end = from.iter().map(|from| from.map_or(0.0, |from| end[from])).collect();
+        }
+        if let Some(derivative) = carried.derivatives.last_mut() {
+            let rows = derivative.clone();
+            for (to, from) in from.iter().enumerate() {
+                match from {
+                    Some(from) => derivative.set_row(to, &rows.row(*from)),
+                    None => derivative.row_mut(to).fill(0.0),
+                }
+            }
+        }
+    }
+}
+
+/// Advances `state` by so many steps.
+fn advance(integrator: &mut Integrator, state: &mut ChainState, steps: u64) -> Result<(), MapError> {
+    let (start, last) = (state.step, state.step + steps);
+    while state.step < last {
+        integrator.advance(state, last);
+        if integrator.first_non_finite(state).is_some() {
+            return Err(MapError::NotFinite { steps: state.step - start });
+        }
+    }
+    Ok(())
+}
+
+/// √(Σ x²).
+pub(crate) fn norm(numbers: &[f64]) -> f64 {
+    numbers.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,53 @@
+//! Orbit files as text, and what is found.
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use orbits::branch::{Change, End};
+use orbits::file::File;
+use orbits::{NoOrbit, Orbit, Search};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+pub(crate) struct Branch {
+    pub(crate) last: Orbit,
+    pub(crate) changes: Vec<Change>,
+}
+
+/// A list in TOML.
+pub(crate) fn list(numbers: impl IntoIterator<Item = f64>) -> String {
+    format!("{:?}", numbers.into_iter().collect::<Vec<_>>())
+}
+
+pub(crate) fn read(toml: &str) -> File {
+    File::read(Path::new("orbit.toml"), toml, experiments::prepared).unwrap_or_else(|error| panic!("{error}\n{toml}"))
+}
+
+/// The orbit that a file asks for, or the reason why there is none.
+pub(crate) fn tried(toml: &str) -> Result<Orbit, NoOrbit> {
+    let file = read(toml);
+    let family = |parameter: f64| file.problem(parameter);
+    Search::begin(&family, file.from(), file.options())?.find()
+}
+
+pub(crate) fn find(toml: &str) -> Orbit {
+    tried(toml).unwrap_or_else(|error| panic!("{error}\n{toml}"))
+}
+
+/// The end of the branch that a file asks for, and its changes of stability.
+pub(crate) fn follow(toml: &str) -> Branch {
+    let file = read(toml);
+    let family = |parameter: f64| file.problem(parameter);
+    let (_, stretch) = file.stretch().expect("a branch");
+    let search = Search::begin(&family, file.from(), file.options()).unwrap_or_else(|error| panic!("{error}"));
+    let search = search.along(&stretch);
+    let (mut last, mut changes) = (None, Vec::new());
+    let end = search.follow(&stretch, None, |step, orbit| {
+        if let Some((before, one)) = &last {
+            let before: &orbits::branch::Step = before;
+            changes.extend(search.change(one, orbit, before.turns(step)).unwrap_or_else(|error| panic!("{error}")));
+        }
+        last = Some((step.clone(), orbit.clone()));
+        ControlFlow::Continue(())
+    });
+    assert_eq!(end, Ok(End::Reached), "{toml}");
+    Branch { last: last.expect("an orbit").1, changes }
+}

@@ -1,0 +1,123 @@
+//! Small orbits against the linear modes, which another crate computes: of every kind of chain that is pressed together or bonded.
+
+mod common;
+
+use common::{find, read, tried};
+use orbits::NoOrbit;
+use schemas::manifest::Physics;
+use waves::linear::LinearChain;
+use waves::modes::Modes;
+
+/// Kinds of chains, but for their number of beads and their method.
+const KINDS: [(&str, &str); 12] = [
+    ("a pressed chain", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    ("another power", "alpha = 2.2, stiffness = 1e9 | load.precompression_n = 20.0"),
+    ("several powers", "alphas = { pattern = [1.5, 1.3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    ("a second power", "second = { alpha = 3.0, stiffness = 1e12 }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    ("two masses", "masses = { pattern_kg = [1e-3, 3e-3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    ("an impurity", "impurities = [{ bead = 1, mass_kg = 4e-4 }], alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    ("springs", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | on_site = { linear_n_per_m = 1e5, cubic_n_per_m3 = 1e13 }"),
+    ("resonators", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | resonators = { mass_kg = 4e-4, stiffness_n_per_m = 3e5 }"),
+    ("weight", "alpha = 1.5, stiffness = 1e7 | load.gravity_m_s2 = 2e4 | load.precompression_n = 5.0"),
+    ("FPUT bonds", "bonds = { linear = 1e6, quadratic = 1e9, cubic = 1e13 }"),
+    ("Toda bonds", "bonds = { toda = { stiffness = 30.0, steepness_per_m = 3e4 } }"),
+    ("bonds and springs", "bonds = { linear = 1e6, cubic = 1e13 } | on_site.linear_n_per_m = 2e5"),
+];
+
+fn file(beads: usize, kind: &str, ends: &str, method: &str, orbit: &str) -> String {
+    let mut parts = kind.split(" | ");
+    let chain = parts.next().expect("a chain");
+    let others: Vec<&str> = parts.collect();
+    format!(
+        "chain = {{ beads = {beads}, bead_mass_kg = 1e-3, {chain} }}\nends = {{ left = '{ends}', right = '{ends}' }}\n\
+         integrator = {{ method = '{method}' }}\n{}\n{orbit}",
+        others.join("\n")
+    )
+}
+
+/// Frequencies (rad/s) of the modes of a chain.
+fn modes(toml: &str) -> Option<Modes> {
+    let problem = read(toml).problem(0.0).expect("a chain");
+    let physics: &Physics = &problem.physics;
+    LinearChain::of(&physics.chain()).ok().and_then(|linear| Modes::of(&linear).ok())
+}
+
+#[test]
+fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
+    let mut tried_count = 0;
+    for (name, kind) in KINDS {
+        for beads in [2, 3, 8, 13] {
+            for ends in ["fixed", "periodic"] {
+                for method in ["rkn4", "velocity-verlet"] {
+                    let number = beads; // the highest mode of the beads
+                    let orbit = format!(
+                        "orbit = {{ amplitude_m = 1e-9, steps = 600, mode = {{ number = {number}, displacement_m = 1e-9 }} }}"
+                    );
+                    if kind.contains("alphas") && beads == 2 {
+                        continue;
+                    }
+                    if ends == "periodic" && (name == "weight" || name == "springs" || beads == 2 || beads % 2 == 1 && kind.contains("pattern")) {
+                        continue;
+                    }
+                    let toml = file(beads, kind, ends, method, &orbit);
+                    let what = format!("{name}, {beads} beads, {ends}, {method}");
+                    let modes = modes(&toml).unwrap_or_else(|| panic!("{what}: no modes"));
+                    let orbit = match tried(&toml) {
+                        Ok(orbit) => orbit,
+                        // modes of one frequency: each of their sums is an orbit, to this amplitude
+                        Err(NoOrbit::NotUnique { .. } | NoOrbit::Stuck { .. }) if ends == "periodic" => continue,
+                        Err(error) => panic!("{what}: {error}"),
+                    };
+                    let omega = modes.omega_rad_s()[number - 1];
+                    let period_s = std::f64::consts::TAU / omega;
+                    // errors of the method, of second or fourth order in the step
+                    let tolerance = if method == "rkn4" { 1e-6 } else { 1e-3 };
+                    let error = orbit.period_s() / period_s - 1.0;
+                    assert!(error.abs() < tolerance, "{what}: period {} for {period_s}", orbit.period_s());
+                    // of a ring two modes have nearly one frequency
+                    let most = if ends == "periodic" { 1e-6 } else { 1e-10 };
+                    assert!(orbit.returns < most, "{what}: {:?}", orbit.returns);
+                    let mut expected: Vec<f64> = modes
+                        .omega_rad_s()
+                        .iter()
+                        .flat_map(|omega| [(omega * period_s).cos(); 2])
+                        .collect();
+                    let mut found: Vec<f64> = orbit.multipliers.all().iter().map(|one| one.re).collect();
+                    expected.sort_by(f64::total_cmp);
+                    found.sort_by(f64::total_cmp);
+                    assert_eq!(found.len(), expected.len(), "{what}");
+                    for (found, expected) in found.iter().zip(&expected) {
+                        // a defective pair at 1 or −1 is good to the root of an error
+                        let tolerance = if method == "rkn4" { 1e-3 } else { 2e-2 };
+                        assert!((found - expected).abs() < tolerance, "{what}: {found} for {expected}");
+                    }
+                    tried_count += 1;
+                }
+            }
+        }
+    }
+    assert!(tried_count > 90, "{tried_count}");
+}
+
+/// However a period is divided, the orbit and its multipliers are the same.
+#[test]
+fn parts_of_a_period_change_no_multiplier() {
+    for (name, kind) in KINDS {
+        let found = [1, 4].map(|segments| {
+            let orbit = format!(
+                "orbit = {{ amplitude_m = 2e-6, steps = 400, segments = {segments}, mode = {{ number = 5, displacement_m = 2e-6 }} }}"
+            );
+            let orbit = find(&file(5, kind, "fixed", "rkn4", &orbit));
+            let mut sizes: Vec<_> = orbit.multipliers.all().iter().map(|one| (one.size(), one.re)).collect();
+            sizes.sort_by(|a, b| a.1.total_cmp(&b.1));
+            (orbit.period_s(), sizes)
+        });
+        let [(period, one), (other_period, other)] = found;
+        assert!((period / other_period - 1.0).abs() < 1e-12, "{name}: {period} and {other_period}");
+        for (one, other) in one.iter().zip(&other) {
+            // the defective pair at 1 is good to the root of rounding
+            let tolerance = if (one.1 - 1.0).abs() < 1e-5 { 1e-5 } else { 1e-8 };
+            assert!((one.0 - other.0).abs() < tolerance && (one.1 - other.1).abs() < tolerance, "{name}: {one:?} and {other:?}");
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Periodic orbits.
+
+use super::figures::LookArgs;
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beadline orbit --example > breather.toml          a file to begin with\n  \
+    beadline orbit breather.toml --out breather       finds it, with its multipliers and a recording\n  \
+    beadline view breather/orbit.mcap                 one period of it, as any run\n\n\
+    An orbit file is a configuration with a table [orbit]: period_s, energy_j or amplitude_m, and a seed: mode, [initial] or [striker]. A \
+    drive gives the period itself. The step divides the period. Newton's method changes the state at the beginning until it comes back, with the exact \
+    derivative of the steps. [continue] follows the orbits along a key and finds where they become unstable. The same command goes on \
+    with a branch that was interrupted. Exit code 3: no orbit was found, or the branch ends before its last value.")]
+pub(crate) struct OrbitArgs {
+    /// A configuration with [orbit]
+    #[arg(value_name = "ORBIT.toml", required_unless_present = "example")]
+    pub(crate) file: Option<PathBuf>,
+    /// Directory for the results, which is made
+    #[arg(long, value_name = "DIR", required_unless_present = "example")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print an orbit file to begin with
+    #[arg(long)]
+    pub(crate) example: bool,
+    /// Replace the results in the directory
+    #[arg(long)]
+    pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) look: LookArgs,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}

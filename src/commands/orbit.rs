@@ -1,0 +1,402 @@
+//! `beadline orbit`: periodic orbits, their multipliers, branches of orbits.
+
+use crate::args::OrbitArgs;
+use crate::configuration::origin;
+use crate::display::{self, count, counted};
+use crate::failure::{BadInput, Done, Failure};
+use crate::outputs::check_figures;
+use crate::progress::Progress;
+use crate::report::{Rows, report};
+use crate::signals;
+use anyhow::{Context, anyhow};
+use consumers::journal::{self, Entry, Journal, JournalError, JournalHead};
+use consumers::table::{Cell, Column, Kind, Table};
+use experiments::recorded::record;
+use figure::Figure;
+use orbits::branch::{Change, End, Step};
+use orbits::file::File;
+use orbits::multipliers::Multipliers;
+use orbits::{NoOrbit, Orbit, Search, shown};
+use schemas::amounts::{number, quantity};
+use schemas::manifest::RunManifest;
+use schemas::whole_file::create_directory;
+use serde_json::{Value, json};
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// An orbit file to begin with.
+const EXAMPLE: &str = include_str!("orbit/example.toml");
+
+/// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
+const SIGN: &str = "orbit.toml";
+const JOURNAL: &str = "branch.journal";
+
+/// Columns of a journal behind those of a branch, as JSON: the place on the branch, the change of stability before it.
+const KEPT: [&str; 2] = ["step", "change"];
+
+/// Multipliers that are listed.
+const SHOWN: usize = 6;
+
+pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
+    if args.example {
+        display::print(EXAMPLE)?;
+        return Ok(Done::Whole);
+    }
+    let (Some(path), Some(out)) = (&args.file, &args.out) else {
+        return Err(bad_input!("an orbit needs ORBIT.toml and --out DIR; see --help"));
+    };
+    check_figures(&[out.join("figure.png")], args.look)?;
+    let text = fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display())).bad_input()?;
+    let file = File::read(path, &text, experiments::prepared).bad_input()?;
+    let place = Place { out, text: &text, args };
+    place.check()?;
+    let stop = signals::stop_flag()?;
+    let family = |parameter: f64| file.problem(parameter);
+    let search = Search::begin(&family, file.from(), file.options()).map_err(failure)?;
+    match file.stretch() {
+        None => one(&place, &file, &search, &stop),
+        Some(_) => Branch::of(&place, &file, search)?.follow(&stop),
+    }
+}
+
+/// An orbit that is not found: the input, or that there is none.
+fn failure(why: NoOrbit) -> Failure {
+    match why {
+        NoOrbit::Chain(_) | NoOrbit::Config(_) => Failure::BadInput(why.into()),
+        NoOrbit::Map(_) | NoOrbit::Stuck { .. } | NoOrbit::NotUnique { .. } => Failure::Stopped(why.into()),
+    }
+}
+
+/// A directory of results.
+struct Place<'a> {
+    out: &'a Path,
+    text: &'a str,
+    args: &'a OrbitArgs,
+}
+
+impl Place<'_> {
+    /// Refuses a directory that is used for something else.
+    fn check(&self) -> Result<(), Failure> {
+        let sign = self.out.join(SIGN);
+        let found = fs::read_to_string(&sign).ok();
+        let is_empty = fs::read_dir(self.out).map_or(true, |mut entries| entries.next().is_none());
+        let is_ours = found.as_deref() == Some(self.text);
+        if is_empty || self.args.force && found.is_some() || is_ours && self.out.join(JOURNAL).exists() {
+            return Ok(());
+        }
+        let why = match found {
+            Some(_) if is_ours => "holds the results already",
+            Some(_) => "holds the results of another orbit file",
+            None => "holds something else",
+        };
+        let out = self.out.display();
+        Err(bad_input!("{out} {why}; choose another directory, or replace results with --force"))
+    }
+
+    /// Makes the directory, for results of this orbit file alone.
+    fn make(&self) -> Result<(), Failure> {
+        create_directory(self.out)?;
+        let sign = self.out.join(SIGN);
+        if self.args.force || fs::read_to_string(&sign).ok().as_deref() != Some(self.text) {
+            let _ = fs::remove_file(self.out.join(JOURNAL));
+        }
+        fs::write(&sign, self.text).with_context(|| sign.display().to_string())?;
+        Ok(())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.out.join(name)
+    }
+
+    fn draw(&self, name: &str, figure: &Figure) -> Result<(), Failure> {
+        Ok(figure.write(&self.path(name), self.args.look.options(), true)?)
+    }
+
+    /// Records one period of `orbit`; false if no run begins as it does.
+    fn record(&self, file: &File, orbit: &Orbit, name: &str, stop: &AtomicBool) -> Result<bool, Failure> {
+        let config = file.config_of(orbit).bad_input()?;
+        let manifest = RunManifest::new(&config, "orbit", origin()).bad_input()?;
+        let is_it = manifest.physics.initial_extra(&orbit.state.u_m) == orbit.state.extra[..];
+        if !is_it {
+            notice!("{name} is not written: a run begins with resonators at rest in their beads, and this orbit does not");
+            return Ok(false);
+        }
+        Ok(record(&manifest, &config.to_toml(), &self.path(name), stop, |_| ())?)
+    }
+
+    fn write_multipliers(&self, found: &Multipliers) -> Result<(), Failure> {
+        let columns = ["re", "im", "size", "angle_rad"].map(|name| Column::new(name, Kind::Double));
+        let mut table = Table::create(&self.path("multipliers.csv"), &columns, true)?;
+        for one in found.all() {
+            table.double(one.re).double(one.im).double(one.size()).double(one.angle_rad());
+            table.end_row()?;
+        }
+        table.finish()?;
+        Ok(())
+    }
+}
+
+/// Finds one orbit and writes its results.
+fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -> Result<Done, Failure> {
+    let orbit = search.find().map_err(failure)?;
+    place.make()?;
+    let is_recorded = place.record(file, &orbit, "orbit.mcap", stop)?;
+    place.write_multipliers(&orbit.multipliers)?;
+    place.draw("multipliers.png", &shown::multipliers(words(&orbit), &orbit.multipliers))?;
+    let told = told(&orbit);
+    let json = place.path("orbit.json");
+    fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
+    report(place.args.json, &told, || {
+        let mut rows = Rows::default();
+        add_rows(&mut rows, &orbit);
+        let files = ["orbit.mcap", "multipliers.csv", "multipliers.png", "orbit.json"];
+        let files = files.iter().filter(|name| is_recorded || **name != "orbit.mcap");
+        rows.each("results", files.map(|name| place.path(name).display().to_string()));
+        rows.under(format_args!("orbit of {}", place.args.file.as_deref().unwrap_or(place.out).display()))
+    })?;
+    tell_residual(&orbit);
+    Ok(Done::Whole)
+}
+
+/// Says that a residual is larger than rounding, and why.
+fn tell_residual(orbit: &Orbit) {
+    // the whole period has twice the roundings
+    if orbit.returns > 100.0 * orbits::newton::TOLERANCE {
+        notice!(
+            "the state comes back to {:.0e} only, of its size: where contacts open within steps, or changes grow by much in a period, no state \
+             comes back to rounding; more steps (orbit.steps) or parts (orbit.segments) help",
+            orbit.returns
+        );
+    }
+}
+
+fn words(orbit: &Orbit) -> String {
+    let way = orbit.multipliers.unstable().next().map(|one| orbit.multipliers.kind(one).as_str());
+    format!("period {}, {}", quantity(orbit.period_s(), "s"), way.unwrap_or("stable"))
+}
+
+fn add_rows(rows: &mut Rows, orbit: &Orbit) {
+    let steps = orbit.physics.step_count;
+    let period = quantity(orbit.period_s(), "s");
+    rows.add("period", format_args!("{period} ({} of {})", counted(steps, "step"), quantity(orbit.physics.dt_s, "s")));
+    rows.add("frequency", quantity(1.0 / orbit.period_s(), "Hz"));
+    rows.add("energy", quantity(orbit.energy_j, "J"));
+    rows.add("largest displacement", quantity(orbit.amplitude_m(), "m"));
+    rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
+    let unstable: Vec<_> = orbit.multipliers.unstable().collect();
+    rows.add("stability", if unstable.is_empty() { "stable".to_owned() } else { format!("{} outside of the unit circle", counted(unstable.len() as u64, "multiplier")) });
+    rows.each(
+        "multiplier",
+        unstable.iter().take(SHOWN).map(|one| {
+            let kind = orbit.multipliers.kind(*one).as_str();
+            format!("{} {} {}i, |μ| = {}: {kind}", number(one.re), if one.im < 0.0 { '−' } else { '+' }, number(one.im.abs()), number(one.size()))
+        }),
+    );
+    rows.more("multiplier", unstable.len() as u64, SHOWN, "");
+}
+
+/// An orbit as JSON.
+fn told(orbit: &Orbit) -> Value {
+    let unstable = orbit.multipliers.unstable().map(|one| {
+        json!({ "re": one.re, "im": one.im, "size": one.size(), "kind": orbit.multipliers.kind(one).as_str() })
+    });
+    json!({
+        "period_s": orbit.period_s(),
+        "frequency_hz": 1.0 / orbit.period_s(),
+        "steps": orbit.physics.step_count,
+        "dt_s": orbit.physics.dt_s,
+        "energy_j": orbit.energy_j,
+        "amplitude_m": orbit.amplitude_m(),
+        "residuals": orbit.residuals,
+        "returns": orbit.returns,
+        "is_stable": orbit.multipliers.unstable().next().is_none(),
+        "unstable": unstable.collect::<Vec<_>>(),
+        "multipliers": orbit.multipliers.all(),
+    })
+}
+
+/// A branch of orbits, in a directory.
+struct Branch<'a> {
+    place: &'a Place<'a>,
+    file: &'a File,
+    search: Search<'a>,
+    key: String,
+    head: JournalHead,
+    stretch: orbits::branch::Stretch,
+}
+
+/// A branch as far as it has come.
+#[derive(Default)]
+struct Come {
+    /// Rows of the table.
+    rows: Vec<Vec<Cell>>,
+    /// Changes of stability as they are told.
+    changes: Vec<Value>,
+    last: Option<(Step, Orbit)>,
+}
+
+impl<'a> Branch<'a> {
+    fn of(place: &'a Place<'a>, file: &'a File, search: Search<'a>) -> Result<Self, Failure> {
+        let (key, stretch) = file.stretch().ok_or_else(|| anyhow!("nothing is followed"))?;
+        let kept = KEPT.map(|name| Column::new(name, Kind::Word));
+        let columns = shown::columns(key).into_iter().chain(kept).collect();
+        // the orbit file lies beside it
+        let identity = concat!("orbit, beadline ", env!("CARGO_PKG_VERSION")).to_owned();
+        let head = JournalHead { identity, columns };
+        Ok(Self { place, file, search: search.along(&stretch), key: key.to_owned(), head, stretch })
+    }
+
+    fn follow(&self, stop: &AtomicBool) -> Result<Done, Failure> {
+        let mut come = self.come()?;
+        if come.last.is_none() {
+            // nothing is written before there is an orbit
+            self.search.find().map_err(failure)?;
+        }
+        self.place.make()?;
+        let journal = Journal::open(&self.place.path(JOURNAL), &self.head, |_| ())?;
+        signals::would_leave(format!("the orbits found are kept in {}, the same command goes on", self.place.out.display()));
+        let mut progress = Progress::new(1000, "branch");
+        let mut failed = None;
+        let begun = come.last.as_ref().map(|(step, _)| step.clone());
+        let end = self.search.follow(&self.stretch, begun, |step, orbit| {
+            let found = self.add(&mut come, step, orbit, &journal, stop);
+            let way = (step.unknown.parameter - self.stretch.from) / (self.stretch.to - self.stretch.from);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1000")]
+            if progress.at((way.clamp(0.0, 1.0) * 1000.0) as u64) {
+                progress.tell(&[&format!("{} = {}", self.key, number(step.unknown.parameter)), &counted(come.rows.len() as u64, "orbit")]);
+            }
+            failed = found.err();
+            if failed.is_some() || stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        progress.finish();
+        journal.sync()?;
+        failed.map_or(Ok(()), Err)?;
+        self.finish(&come, &end.map_err(failure)?, stop)
+    }
+
+    /// The branch as far as its journal has it.
+    fn come(&self) -> Result<Come, Failure> {
+        let path = self.place.path(JOURNAL);
+        let mut come = Come::default();
+        if self.place.args.force || !path.exists() {
+            return Ok(come);
+        }
+        let mut last = None;
+        journal::read::<JournalError>(&path, &self.head, |_, line| {
+            if let Some(Entry { mut cells, .. }) = journal::entry(line, &self.head.columns) {
+                let kept = cells.split_off(cells.len() - KEPT.len());
+                let mut kept = kept.iter().map(|cell| if let Cell::Word(word) = cell { word.as_str() } else { "" });
+                last = kept.next().and_then(|step| serde_json::from_str::<Step>(step).ok());
+                come.changes.extend(kept.next().and_then(|change| serde_json::from_str(change).ok()));
+                come.rows.push(cells);
+            }
+            Ok(())
+        })
+        .bad_input()?;
+        if let Some(step) = last {
+            let orbit = self.search.again(&step.unknown).map_err(failure)?;
+            come.last = Some((step, orbit));
+        }
+        Ok(come)
+    }
+
+    /// Adds an orbit, and the change of stability before it.
+    fn add(&self, come: &mut Come, step: &Step, orbit: &Orbit, journal: &Journal, stop: &AtomicBool) -> Result<(), Failure> {
+        let mut told = Value::Null;
+        if let Some((before, last)) = &come.last {
+            let turns = before.turns(step);
+            match self.search.change(last, orbit, turns) {
+                Ok(Some(change)) => {
+                    let name = format!("change-{}.mcap", come.changes.len() + 1);
+                    self.place.record(self.file, &change.orbit, &name, stop)?;
+                    told = told_change(&change);
+                    come.changes.push(told.clone());
+                }
+                Ok(None) => {}
+                Err(why) => notice!("a change of stability near {} was not located: {why}", number(orbit.unknown.parameter)),
+            }
+        }
+        let row = shown::row(orbit);
+        let step_json = serde_json::to_string(step)?;
+        let change = if told.is_null() { Cell::Empty } else { Cell::Word(told.to_string()) };
+        let cells = row.iter().cloned().chain([Cell::Word(step_json), change]).collect();
+        journal.append(&Entry { index: come.rows.len() as u64, wall_s: 0.0, cells })?;
+        come.rows.push(row);
+        come.last = Some((step.clone(), orbit.clone()));
+        Ok(())
+    }
+
+    /// Writes the results of the branch.
+    fn finish(&self, come: &Come, end: &End, stop: &AtomicBool) -> Result<Done, Failure> {
+        let place = self.place;
+        let mut table = Table::create(&place.path("branch.csv"), &shown::columns(&self.key), true)?;
+        for row in &come.rows {
+            row.iter().for_each(|cell| {
+                table.cell(cell.clone());
+            });
+            table.end_row()?;
+        }
+        table.finish()?;
+        let double = |change: &Value, name: &str| change[name].as_f64().unwrap_or(f64::NAN);
+        let marks: Vec<_> = come.changes.iter().map(|change| {
+            let name = change["name"].as_str().unwrap_or_default().to_owned();
+            (name, double(change, "parameter"), double(change, "amplitude_m"), double(change, "energy_j"))
+        }).collect();
+        place.draw("branch.png", &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks))?;
+        let Some((_, last)) = &come.last else { return Err(anyhow!("the branch has no orbit").into()) };
+        place.record(self.file, last, "last.mcap", stop)?;
+        place.write_multipliers(&last.multipliers)?;
+        place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
+        let told = json!({
+            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last),
+        });
+        let json = place.path("orbit.json");
+        fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
+        report(place.args.json, &told, || {
+            let mut rows = Rows::default();
+            rows.add("orbits", count(come.rows.len() as u64));
+            rows.each("change", come.changes.iter().map(|change| {
+                format!("at {}: {}", number(double(change, "parameter")), change["words"].as_str().unwrap_or_default())
+            }));
+            add_rows(&mut rows, last);
+            let files = ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", "orbit.json"];
+            rows.each("results", files.map(|name| place.path(name).display().to_string()));
+            rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
+        })?;
+        match end {
+            End::Reached => {}
+            End::CameBack => notice!("the branch turns and comes back to its first value"),
+            End::Most => notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len()),
+            End::Lost(why) => notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter)),
+            End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
+        }
+        Ok(Done::whole_if(*end == End::Reached))
+    }
+}
+
+fn end_word(end: &End) -> &'static str {
+    match end {
+        End::Reached => "reached",
+        End::CameBack => "came-back",
+        End::Most => "most",
+        End::Lost(_) => "lost",
+        End::Stopped => "stopped",
+    }
+}
+
+/// A change of stability as JSON.
+fn told_change(change: &Change) -> Value {
+    let orbit = &change.orbit;
+    json!({
+        "name": change.name,
+        "words": shown::words(change),
+        "begins": change.begins,
+        "parameter": orbit.unknown.parameter,
+        "period_s": orbit.period_s(),
+        "energy_j": orbit.energy_j,
+        "amplitude_m": orbit.amplitude_m(),
+        "multiplier": { "re": change.multiplier.re, "im": change.multiplier.im },
+    })
+}
