@@ -14,6 +14,7 @@ pub use lanes::Lanes;
 pub(crate) use lanes::Shape;
 use pulp::Arch;
 use runge::Runge;
+pub(crate) use runge::{A, STAGES};
 use schemas::frame::Active;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -81,11 +82,13 @@ impl Integrator {
     /// Like [`with_tangents`](Self::with_tangents), with a given instruction set.
     fn carrying(physics: &Physics, count: usize, arch: Arch) -> Result<Self, NoTangent> {
         let mut integrator = Self::with_arch(physics, arch);
-        let ByMethod::Splitting(splitting) = &mut integrator.by_method else {
-            return Err(NoTangent(physics.method));
-        };
         let chain = physics.chain();
-        splitting.carry(Tangents::of(physics, &chain, count, arch), physics, &chain);
+        let tangents = || Tangents::of(physics, &chain, count, arch);
+        match &mut integrator.by_method {
+            ByMethod::Splitting(splitting) => splitting.carry(tangents(), physics, &chain),
+            ByMethod::Runge(runge) => runge.carry(tangents()),
+            ByMethod::Gear(_) => return Err(NoTangent(physics.method)),
+        }
         Ok(integrator)
     }
 
@@ -93,7 +96,8 @@ impl Integrator {
     pub fn tangents(&mut self) -> Option<&mut Tangents> {
         match &mut self.by_method {
             ByMethod::Splitting(splitting) => splitting.tangents(),
-            ByMethod::Gear(_) | ByMethod::Runge(_) => None,
+            ByMethod::Runge(runge) => runge.tangents(),
+            ByMethod::Gear(_) => None,
         }
     }
 

@@ -8,10 +8,13 @@
 //! Tangents lie beside each other in the lanes of registers, eight in a block. Their bits are the same at any width, and depend neither on
 //! how many there are nor on where anyone looks.
 
+mod runge;
 pub(crate) mod slopes;
 
 use crate::drives::{Acts, Drives};
+use crate::kernel::Motion;
 use pulp::{Arch, Simd, WithSimd};
+use runge::Stages;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -31,6 +34,8 @@ pub struct Tangents {
     is_ring: bool,
     /// The kick (s) that ends a step and is made together with the one that begins the next; 0 if none is left.
     kick_left_s: f64,
+    /// Those of a step of the Runge–Kutta method, for its runs.
+    stages: Option<Box<Stages>>,
 }
 
 /// Numbers of beads or resonators, for eight tangents.
@@ -57,9 +62,7 @@ struct Masses {
 
 /// Reason why a run has no tangent.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the derivatives of steps by {0} are not computed; choose velocity-verlet or rkn4, which take no damping and no drag"
-)]
+#[error("the derivatives of steps by {0} are not computed; choose velocity-verlet, rkn4 or rk5")]
 pub struct NoTangent(pub(crate) Method);
 
 impl Tangents {
@@ -83,7 +86,9 @@ impl Tangents {
             }
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
-        let mut none = Self { arch, count: 0, blocks: Vec::new(), slopes, masses, is_ring, kick_left_s: 0.0 };
+        let stages = (physics.method == Method::Rk5).then(|| Box::new(Stages::of(chain, &slopes)));
+        let (blocks, kick_left_s) = (Vec::new(), 0.0);
+        let mut none = Self { arch, count: 0, blocks, slopes, masses, is_ring, kick_left_s, stages };
         none.resize(count);
         none
     }
@@ -207,6 +212,27 @@ impl Tangents {
             #[inline(always)]
             || slopes.find(u_m, walls_m, &(0..u_m.len())),
         );
+    }
+
+    /// True if the force of a contact has jumped, as that of a dashpot does where its contact closes or opens: tangents are no derivatives of the
+    /// motion after it.
+    pub fn has_jumped(&self) -> bool {
+        self.stages.as_ref().is_some_and(|stages| stages.has_jumped())
+    }
+
+    /// Finds the derivative of `motion` at a stage of a step by the Runge–Kutta method.
+    pub(crate) fn look_at(&mut self, stage: usize, motion: &Motion<'_>) {
+        if let Some(stages) = &mut self.stages {
+            stages.look(self.arch, stage, motion);
+        }
+    }
+
+    /// Makes a step of `dt_s` through the stages that were looked at.
+    pub(crate) fn step(&mut self, dt_s: f64) {
+        let Some(stages) = &mut self.stages else { return };
+        for block in &mut self.blocks {
+            stages.carry(self.arch, block, &self.masses, self.is_ring, dt_s);
+        }
     }
 
     /// Makes a kick of `kick_s` and a drift of `drift_s`.

@@ -48,7 +48,8 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
         return Err(bad_input!("an orbit needs ORBIT.toml and --out DIR; see --help"));
     };
     check_figures(&[out.join("figure.png")], args.look)?;
-    let text = fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display())).bad_input()?;
+    let text =
+        fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display())).bad_input()?;
     let file = File::read(path, &text, experiments::prepared).bad_input()?;
     let place = Place { out, text: &text, args };
     place.check()?;
@@ -120,7 +121,9 @@ impl Place<'_> {
         let manifest = RunManifest::new(&config, "orbit", origin()).bad_input()?;
         let is_it = manifest.physics.initial_extra(&orbit.state.u_m) == orbit.state.extra[..];
         if !is_it {
-            notice!("{name} is not written: a run begins with resonators at rest in their beads, and this orbit does not");
+            notice!(
+                "{name} is not written: a run begins with resonators at rest in their beads, and this orbit does not"
+            );
             return Ok(false);
         }
         Ok(record(&manifest, &config.to_toml(), &self.path(name), stop, |_| ())?)
@@ -180,18 +183,34 @@ fn words(orbit: &Orbit) -> String {
 fn add_rows(rows: &mut Rows, orbit: &Orbit) {
     let steps = orbit.physics.step_count;
     let period = quantity(orbit.period_s(), "s");
-    rows.add("period", format_args!("{period} ({} of {})", counted(steps, "step"), quantity(orbit.physics.dt_s, "s")));
+    rows.add(
+        "period",
+        format_args!("{period} ({} of {})", counted(steps, "step"), quantity(orbit.physics.dt_s, "s")),
+    );
     rows.add("frequency", quantity(1.0 / orbit.period_s(), "Hz"));
     rows.add("energy", quantity(orbit.energy_j, "J"));
     rows.add("largest displacement", quantity(orbit.amplitude_m(), "m"));
     rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
     let unstable: Vec<_> = orbit.multipliers.unstable().collect();
-    rows.add("stability", if unstable.is_empty() { "stable".to_owned() } else { format!("{} outside of the unit circle", counted(unstable.len() as u64, "multiplier")) });
+    rows.add(
+        "stability",
+        if unstable.is_empty() {
+            "stable".to_owned()
+        } else {
+            format!("{} outside of the unit circle", counted(unstable.len() as u64, "multiplier"))
+        },
+    );
     rows.each(
         "multiplier",
         unstable.iter().take(SHOWN).map(|one| {
             let kind = orbit.multipliers.kind(*one).as_str();
-            format!("{} {} {}i, |μ| = {}: {kind}", number(one.re), if one.im < 0.0 { '−' } else { '+' }, number(one.im.abs()), number(one.size()))
+            format!(
+                "{} {} {}i, |μ| = {}: {kind}",
+                number(one.re),
+                if one.im < 0.0 { '−' } else { '+' },
+                number(one.im.abs()),
+                number(one.size())
+            )
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
@@ -256,7 +275,10 @@ impl<'a> Branch<'a> {
         }
         self.place.make()?;
         let journal = Journal::open(&self.place.path(JOURNAL), &self.head, |_| ())?;
-        signals::would_leave(format!("the orbits found are kept in {}, the same command goes on", self.place.out.display()));
+        signals::would_leave(format!(
+            "the orbits found are kept in {}, the same command goes on",
+            self.place.out.display()
+        ));
         let mut progress = Progress::new(1000, "branch");
         let mut failed = None;
         let begun = come.last.as_ref().map(|(step, _)| step.clone());
@@ -265,10 +287,17 @@ impl<'a> Branch<'a> {
             let way = (step.unknown.parameter - self.stretch.from) / (self.stretch.to - self.stretch.from);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1000")]
             if progress.at((way.clamp(0.0, 1.0) * 1000.0) as u64) {
-                progress.tell(&[&format!("{} = {}", self.key, number(step.unknown.parameter)), &counted(come.rows.len() as u64, "orbit")]);
+                progress.tell(&[
+                    &format!("{} = {}", self.key, number(step.unknown.parameter)),
+                    &counted(come.rows.len() as u64, "orbit"),
+                ]);
             }
             failed = found.err();
-            if failed.is_some() || stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            if failed.is_some() || stop.load(Ordering::Relaxed) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         });
         progress.finish();
         journal.sync()?;
@@ -287,7 +316,8 @@ impl<'a> Branch<'a> {
         journal::read::<JournalError>(&path, &self.head, |_, line| {
             if let Some(Entry { mut cells, .. }) = journal::entry(line, &self.head.columns) {
                 let kept = cells.split_off(cells.len() - KEPT.len());
-                let mut kept = kept.iter().map(|cell| if let Cell::Word(word) = cell { word.as_str() } else { "" });
+                let mut kept =
+                    kept.iter().map(|cell| if let Cell::Word(word) = cell { word.as_str() } else { "" });
                 last = kept.next().and_then(|step| serde_json::from_str::<Step>(step).ok());
                 come.changes.extend(kept.next().and_then(|change| serde_json::from_str(change).ok()));
                 come.rows.push(cells);
@@ -303,7 +333,14 @@ impl<'a> Branch<'a> {
     }
 
     /// Adds an orbit, and the change of stability before it.
-    fn add(&self, come: &mut Come, step: &Step, orbit: &Orbit, journal: &Journal, stop: &AtomicBool) -> Result<(), Failure> {
+    fn add(
+        &self,
+        come: &mut Come,
+        step: &Step,
+        orbit: &Orbit,
+        journal: &Journal,
+        stop: &AtomicBool,
+    ) -> Result<(), Failure> {
         let mut told = Value::Null;
         if let Some((before, last)) = &come.last {
             let turns = before.turns(step);
@@ -315,7 +352,10 @@ impl<'a> Branch<'a> {
                     come.changes.push(told.clone());
                 }
                 Ok(None) => {}
-                Err(why) => notice!("a change of stability near {} was not located: {why}", number(orbit.unknown.parameter)),
+                Err(why) => notice!(
+                    "a change of stability near {} was not located: {why}",
+                    number(orbit.unknown.parameter)
+                ),
             }
         }
         let row = shown::row(orbit);
@@ -340,11 +380,18 @@ impl<'a> Branch<'a> {
         }
         table.finish()?;
         let double = |change: &Value, name: &str| change[name].as_f64().unwrap_or(f64::NAN);
-        let marks: Vec<_> = come.changes.iter().map(|change| {
-            let name = change["name"].as_str().unwrap_or_default().to_owned();
-            (name, double(change, "parameter"), double(change, "amplitude_m"), double(change, "energy_j"))
-        }).collect();
-        place.draw("branch.png", &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks))?;
+        let marks: Vec<_> = come
+            .changes
+            .iter()
+            .map(|change| {
+                let name = change["name"].as_str().unwrap_or_default().to_owned();
+                (name, double(change, "parameter"), double(change, "amplitude_m"), double(change, "energy_j"))
+            })
+            .collect();
+        place.draw(
+            "branch.png",
+            &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks),
+        )?;
         let Some((_, last)) = &come.last else { return Err(anyhow!("the branch has no orbit").into()) };
         place.record(self.file, last, "last.mcap", stop)?;
         place.write_multipliers(&last.multipliers)?;
@@ -357,19 +404,31 @@ impl<'a> Branch<'a> {
         report(place.args.json, &told, || {
             let mut rows = Rows::default();
             rows.add("orbits", count(come.rows.len() as u64));
-            rows.each("change", come.changes.iter().map(|change| {
-                format!("at {}: {}", number(double(change, "parameter")), change["words"].as_str().unwrap_or_default())
-            }));
+            rows.each(
+                "change",
+                come.changes.iter().map(|change| {
+                    format!(
+                        "at {}: {}",
+                        number(double(change, "parameter")),
+                        change["words"].as_str().unwrap_or_default()
+                    )
+                }),
+            );
             add_rows(&mut rows, last);
-            let files = ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", "orbit.json"];
+            let files =
+                ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", "orbit.json"];
             rows.each("results", files.map(|name| place.path(name).display().to_string()));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;
         match end {
             End::Reached => {}
             End::CameBack => notice!("the branch turns and comes back to its first value"),
-            End::Most => notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len()),
-            End::Lost(why) => notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter)),
+            End::Most => {
+                notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len())
+            }
+            End::Lost(why) => {
+                notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter))
+            }
             End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
         }
         Ok(Done::whole_if(*end == End::Reached))

@@ -83,7 +83,7 @@ impl Search<'_> {
     /// # Errors
     /// When it is not one of this search.
     pub fn again(&self, unknown: &Unknown) -> Result<Orbit, NoOrbit> {
-        self.orbit(self.newton.find(unknown.clone(), None)?)
+        self.orbit(self.newton.find(unknown, None)?)
     }
 
     /// The search with the units of `stretch`.
@@ -104,21 +104,20 @@ impl Search<'_> {
         last: Option<Step>,
         mut look: impl FnMut(&Step, &Orbit) -> ControlFlow<()>,
     ) -> Result<End, NoOrbit> {
-        let mut at = match last {
-            Some(step) => step,
-            None => {
-                let found = self.newton.find(self.start.clone(), None)?;
-                let mut forward = vec![0.0; self.newton.coordinates.count() + 2];
-                if let Some(last) = forward.last_mut() {
-                    *last = (stretch.to - stretch.from).signum();
-                }
-                let direction = self.newton.direction(&found, &forward)?;
-                let step = Step { unknown: found.unknown.clone(), direction, length: stretch.step };
-                if look(&step, &self.orbit(found)?).is_break() {
-                    return Ok(End::Stopped);
-                }
-                step
+        let mut at = if let Some(step) = last {
+            step
+        } else {
+            let found = self.newton.find(&self.start, None)?;
+            let mut forward = vec![0.0; self.newton.coordinates.count() + 2];
+            if let Some(last) = forward.last_mut() {
+                *last = (stretch.to - stretch.from).signum();
             }
+            let direction = self.newton.direction(&found, &forward)?;
+            let step = Step { unknown: found.unknown.clone(), direction, length: stretch.step };
+            if look(&step, &self.orbit(found)?).is_break() {
+                return Ok(End::Stopped);
+            }
+            step
         };
         for _ in 1..stretch.most {
             match self.next(stretch, &at) {
@@ -164,13 +163,14 @@ impl Search<'_> {
         let through: Vec<f64> = from.iter().zip(&at.direction).map(|(x, d)| x + length * d).collect();
         let guess = self.unknown_near(&at.unknown, &from, &through)?;
         let plane = Plane { normal: at.direction.clone(), through };
-        let found = newton.find(guess, Some(&plane))?;
+        let found = newton.find(&guess, Some(&plane))?;
         let parameter = found.unknown.parameter;
-        let beyond = |limit: f64, sign: f64| (parameter - limit) * (stretch.to - stretch.from).signum() * sign >= 0.0;
+        let beyond =
+            |limit: f64, sign: f64| (parameter - limit) * (stretch.to - stretch.from).signum() * sign >= 0.0;
         for (limit, sign, end) in [(stretch.to, 1.0, End::Reached), (stretch.from, -1.0, End::CameBack)] {
             if beyond(limit, sign) {
                 let guess = self.between(&at.unknown, &found.unknown, limit)?;
-                let found = newton.find(guess, None)?;
+                let found = newton.find(&guess, None)?;
                 let step = Step { unknown: found.unknown.clone(), ..at.clone() };
                 return Ok(Some((step, found, Some(end))));
             }
@@ -234,7 +234,7 @@ impl Search<'_> {
             let through: Vec<f64> = from.iter().zip(&difference).map(|(x, d)| x + part * d).collect();
             let guess = self.unknown_near(&one.unknown, &from, &through)?;
             let plane = Plane { normal: normal.clone(), through };
-            let orbit = self.orbit(self.newton.find(guess, Some(&plane))?)?;
+            let orbit = self.orbit(self.newton.find(&guess, Some(&plane))?)?;
             let value = test(&orbit);
             let side = usize::from(value.is_some_and(|value| value.signum() == at_b.signum()));
             let is_there = value.is_some_and(|value| value.abs() < 1e-12) || (b - a).abs() < 1e-12;
@@ -247,7 +247,9 @@ impl Search<'_> {
         let [a, b] = ends;
         let orbit = if nearest(&a) < nearest(&b) { a.2 } else { b.2 };
         let near = orbit.multipliers.telling();
-        let distance = |one: &Multiplier| (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs();
+        let distance = |one: &Multiplier| {
+            (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs()
+        };
         let multiplier = near.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(multiplier);
         Ok(Some(Change { name, orbit, multiplier, begins }))
     }

@@ -101,7 +101,11 @@ impl Part {
             let mut scale = 1.0;
             if row > first {
                 let h = &self.matrix;
-                bulge = [h[(row, row - 1)], h[(row + 1, row - 1)], if is_last { 0.0 } else { h[(row + 2, row - 1)] }];
+                bulge = [
+                    h[(row, row - 1)],
+                    h[(row + 1, row - 1)],
+                    if is_last { 0.0 } else { h[(row + 2, row - 1)] },
+                ];
                 scale = bulge.iter().map(|x| x.abs()).sum();
                 if scale == 0.0 {
                     continue;
@@ -151,7 +155,8 @@ impl Part {
     fn mirror(&mut self, row: usize, [start, end]: [usize; 2], bulge: [f64; 3], length: f64) {
         let rows = if row == end - 2 { 2 } else { 3 };
         let head = bulge[0] + length;
-        let [across, along] = [[head / length, bulge[1] / length, bulge[2] / length], [1.0, bulge[1] / head, bulge[2] / head]];
+        let [across, along] =
+            [[head / length, bulge[1] / length, bulge[2] / length], [1.0, bulge[1] / head, bulge[2] / head]];
         let h = &mut self.matrix;
         for column in row..end {
             let sum: f64 = (0..rows).map(|k| along[k] * h[(row + k, column)]).sum();
@@ -181,12 +186,18 @@ mod tests {
         for [re, im] in blocks {
             diagonal[(place, place)] = *re;
             if *im != 0.0 {
-                (diagonal[(place + 1, place + 1)], diagonal[(place, place + 1)], diagonal[(place + 1, place)]) = (*re, *im, -im);
+                (
+                    diagonal[(place + 1, place + 1)],
+                    diagonal[(place, place + 1)],
+                    diagonal[(place + 1, place)],
+                ) = (*re, *im, -im);
                 place += 1;
             }
             place += 1;
         }
-        let mix = DMatrix::from_fn(count, count, |i, j| ((3 * i + 5 * j + i * j + 1) as f64).sin() + if i == j { 3.0 } else { 0.0 });
+        let mix = DMatrix::from_fn(count, count, |i, j| {
+            ((3 * i + 5 * j + i * j + 1) as f64).sin() + if i == j { 3.0 } else { 0.0 }
+        });
         let back = mix.clone().try_inverse().expect("mixed");
         mix * diagonal * back
     }
@@ -195,7 +206,9 @@ mod tests {
     fn eigenvalues_are_those_that_a_matrix_was_made_of() {
         let angles = (1..20).map(|turn| (f64::from(turn) * 0.15).sin_cos()).map(|(im, re)| [re, im]);
         let blocks: Vec<_> = angles.chain([[2.5, 0.0], [0.4, 0.0], [-1.2, 0.0], [0.0, 1.0]]).collect();
-        let pairs = blocks.iter().flat_map(|[re, im]| if *im == 0.0 { vec![[*re, 0.0]] } else { vec![[*re, -im], [*re, *im]] });
+        let pairs = blocks
+            .iter()
+            .flat_map(|[re, im]| if *im == 0.0 { vec![[*re, 0.0]] } else { vec![[*re, -im], [*re, *im]] });
         let mut expected: Vec<_> = pairs.collect();
         expected.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         for (found, expected) in found(with(&blocks)).iter().zip(&expected) {
@@ -209,7 +222,8 @@ mod tests {
         for count in [1, 2, 3, 7, 40] {
             let turns = DMatrix::from_fn(count, count, |i, j| f64::from(u8::from(i == (j + 1) % count)));
             assert!(found(turns).iter().all(|[re, im]| (re.hypot(*im) - 1.0).abs() < 1e-12), "{count}");
-            let defective = DMatrix::from_fn(count, count, |i, j| if i == j || j == i + 1 { 1.0 } else { 0.0 });
+            let defective =
+                DMatrix::from_fn(count, count, |i, j| if i == j || j == i + 1 { 1.0 } else { 0.0 });
             assert!(found(defective).iter().all(|one| *one == [1.0, 0.0]), "{count}");
         }
     }

@@ -149,7 +149,8 @@ impl File {
     fn at(&self, parameter: f64) -> Result<(RunConfig, Written), ConfigError> {
         let mut document = self.document.clone();
         if let Some((key, follow)) = &self.follow {
-            let refuse = |why: String| ConfigError { path: None, line: None, key: follow.key.clone(), message: why };
+            let refuse =
+                |why: String| ConfigError { path: None, line: None, key: follow.key.clone(), message: why };
             key.set(&mut document, Value::Float(parameter)).map_err(refuse)?;
         }
         let orbit = document.get("orbit").cloned().unwrap_or_else(|| Value::Table(Table::new()));
@@ -182,7 +183,11 @@ impl File {
             return written.period_s.or(self.mode_period_s).ok_or_else(|| refused(key, "nothing", allowed));
         }
         if let Some(period_s) = written.period_s {
-            return Err(refused(key, &period_s.to_string(), "nothing beside [[drive]], which gives the period; orbit.periods is a multiple of it"));
+            return Err(refused(
+                key,
+                &period_s.to_string(),
+                "nothing beside [[drive]], which gives the period; orbit.periods is a multiple of it",
+            ));
         }
         let mut first_hz = None;
         let periods = written.periods.unwrap_or(1) as f64;
@@ -195,7 +200,8 @@ impl File {
                     let first_hz = *first_hz.get_or_insert(sine.frequency_hz);
                     let turns = periods * sine.frequency_hz / first_hz;
                     if (turns - turns.round()).abs() > 1e-9 {
-                        let allowed = "a frequency that makes whole turns in a period of the orbit; see orbit.periods";
+                        let allowed =
+                            "a frequency that makes whole turns in a period of the orbit; see orbit.periods";
                         return Err(refused(&key, &format!("{} Hz", sine.frequency_hz), allowed));
                     }
                 }
@@ -219,7 +225,9 @@ impl File {
                 return Err(refused(&format!("orbit.{name}"), &number.to_string(), "a number above 0"));
             }
         }
-        for (name, count, most) in [("periods", periods, 1000), ("steps", steps, 100_000_000), ("segments", segments, 1000)] {
+        for (name, count, most) in
+            [("periods", periods, 1000), ("steps", steps, 100_000_000), ("segments", segments, 1000)]
+        {
             if let Some(count) = count.filter(|count| !(1..=most).contains(count)) {
                 let allowed = format!("a whole number from 1 to {most}");
                 return Err(refused(&format!("orbit.{name}"), &count.to_string(), &allowed));
@@ -231,12 +239,13 @@ impl File {
     /// Finds the seed: a mode, or the initial state of the configuration.
     fn find_seed(&mut self) -> Result<(), ConfigError> {
         let mut document = self.document.clone();
-        TABLES.iter().for_each(|table| drop(document.remove(*table)));
+        document.retain(|table, _| !TABLES.iter().any(|ours| *ours == table));
         let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
         document.entry("time").or_insert(Value::Table(time));
         // the line is that of the key in the file
         let unplaced = |error: ConfigError| ConfigError { line: None, ..error };
-        let config = RunConfig::of_chain(&toml::to_string(&document).unwrap_or_default()).map_err(unplaced)?;
+        let config =
+            RunConfig::of_chain(&toml::to_string(&document).unwrap_or_default()).map_err(unplaced)?;
         let mut config = (self.prepare)(config, self.path.parent())?;
         let period_s = self.written.period_s.unwrap_or(1.0);
         config.time.duration_s = config.time.dt_s.map_or(period_s, |dt_s| period_s.max(dt_s));
@@ -253,8 +262,10 @@ impl File {
         };
         config.striker = Strikers::default();
         config.initial = Initial { displacements_m: vec![mode.displacement_m; beads], ..Initial::default() };
-        let refuse = |why: String| ConfigError { path: None, line: None, key: "orbit.mode".to_owned(), message: why };
-        let linear = LinearChain::of(&Physics::resolve(&config)?.chain()).map_err(|error| refuse(error.to_string()))?;
+        let refuse =
+            |why: String| ConfigError { path: None, line: None, key: "orbit.mode".to_owned(), message: why };
+        let linear = LinearChain::of(&Physics::resolve(&config)?.chain())
+            .map_err(|error| refuse(error.to_string()))?;
         let modes = Modes::of(&linear).map_err(|error| refuse(error.to_string()))?;
         let place = usize::try_from(mode.number).ok().and_then(|number| number.checked_sub(1));
         let Some(place) = place.filter(|place| *place < modes.count()) else {
@@ -270,7 +281,8 @@ impl File {
 
 impl Continue {
     fn checked(self) -> Result<(KeyPath, Self), ConfigError> {
-        let refuse = |why| ConfigError { path: None, line: None, key: "continue.key".to_owned(), message: why };
+        let refuse =
+            |why| ConfigError { path: None, line: None, key: "continue.key".to_owned(), message: why };
         let key = KeyPath::parse(&self.key).map_err(refuse)?;
         let is_there = self.from.is_finite() && self.to.is_finite() && self.from != self.to;
         if !is_there {

@@ -105,7 +105,9 @@ impl<'a> Search<'a> {
         let is_driven = !physics.drives.is_empty();
         let is_conservative = chain.damping.is_none() && !physics.has_drag();
         if !is_driven && !is_conservative {
-            return Err(NoOrbit::Chain("the chain loses energy and nothing drives it: it comes to rest; add a [[drive]]"));
+            return Err(NoOrbit::Chain(
+                "the chain loses energy and nothing drives it: it comes to rest; add a [[drive]]",
+            ));
         }
         let period_s = match asked {
             Asked::PeriodS(period_s) => Some(period_s),
@@ -115,19 +117,32 @@ impl<'a> Search<'a> {
             }
             Asked::EnergyJ(_) | Asked::AmplitudeM(_) => options.period_s,
         };
-        let no_period = NoOrbit::Chain("no first guess of the period: give orbit.period_s, or a mode as the seed");
+        let no_period =
+            NoOrbit::Chain("no first guess of the period: give orbit.period_s, or a mode as the seed");
         let period_s = period_s.filter(|period_s| *period_s > 0.0).ok_or(no_period)?;
         let segments = options.segments.unwrap_or(1).max(1);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of steps, checked below")]
-        let steps = options.steps.unwrap_or((period_s / physics.dt_s).ceil() as u64).max(1).next_multiple_of(2 * segments);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a number of steps, checked below"
+        )]
+        let steps = options
+            .steps
+            .unwrap_or((period_s / physics.dt_s).ceil() as u64)
+            .max(1)
+            .next_multiple_of(2 * segments);
         if steps > 100_000_000 {
-            return Err(NoOrbit::Chain("a period of more than 1e8 steps: the period is too long for the time step"));
+            return Err(NoOrbit::Chain(
+                "a period of more than 1e8 steps: the period is too long for the time step",
+            ));
         }
         let physics = Physics { dt_s: period_s / steps as f64, ..physics };
         let begun = ChainState::initial(&physics);
         let mut coordinates = Coordinates::of(&physics, &begun).map_err(MapError::from)?;
         if coordinates.count() > MOST_COORDINATES {
-            return Err(NoOrbit::Chain("orbits are found by dense matrices, of chains of up to 1000 beads (500 with resonators)"));
+            return Err(NoOrbit::Chain(
+                "orbits are found by dense matrices, of chains of up to 1000 beads (500 with resonators)",
+            ));
         }
         let mut points = vec![coordinates.of_state(&begun)];
         let shift_beads = options.shift_beads;
@@ -172,7 +187,7 @@ impl<'a> Search<'a> {
     /// # Errors
     /// When there is none.
     pub fn find(&self) -> Result<Orbit, NoOrbit> {
-        self.orbit(self.newton.find(self.start.clone(), None)?)
+        self.orbit(self.newton.find(&self.start, None)?)
     }
 
     /// The orbit that has been found.
@@ -180,7 +195,8 @@ impl<'a> Search<'a> {
         let Found { unknown, monodromy, residuals } = found;
         let problem = (self.newton.family)(unknown.parameter)?;
         let multipliers = Multipliers::of(monodromy, self.trivial, self.is_conservative);
-        let multipliers = multipliers.ok_or(NoOrbit::Chain("the multipliers could not be computed: they are too far apart"))?;
+        let multipliers = multipliers
+            .ok_or(NoOrbit::Chain("the multipliers could not be computed: they are too far apart"))?;
         let energy_j = self.newton.energy_j(&problem, &unknown);
         let state = self.newton.state(&problem, &unknown);
         let physics = Physics { dt_s: unknown.dt_s, step_count: self.newton.steps, ..problem.physics };

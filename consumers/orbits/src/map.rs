@@ -6,7 +6,7 @@ use producer::state::ChainState;
 use producer::tangents::NoTangent;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
-use std::thread::{available_parallelism, scope};
+use std::thread::{ScopedJoinHandle, available_parallelism, scope};
 
 /// Tangents that one thread carries at least.
 const FEWEST_TANGENTS: usize = 16;
@@ -40,17 +40,24 @@ pub(crate) struct Carried {
     pub(crate) derivatives: Vec<DMatrix<f64>>,
 }
 
+/// A column of a derivative, with its number.
+type Column = (usize, Vec<f64>);
+
 /// Reason why a state cannot be carried over a period.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MapError {
     /// The run leaves the range of doubles.
-    #[error("the state is not finite after {steps} steps: the seed is too far from an orbit, or the step too long")]
+    #[error(
+        "the state is not finite after {steps} steps: the seed is too far from an orbit, or the step too long"
+    )]
     NotFinite {
         /// Steps since the beginning of the period.
         steps: u64,
     },
     /// A drive is elsewhere after a period.
-    #[error("what drives move is elsewhere after a period: the period is no multiple of that of the drives, or a velocity has a mean")]
+    #[error(
+        "what drives move is elsewhere after a period: the period is no multiple of that of the drives, or a velocity has a mean"
+    )]
     DriveMoves,
     /// A contact with a dashpot closed or opened.
     #[error(
@@ -70,7 +77,8 @@ impl Coordinates {
         let (mut free, mut unit) = (Vec::new(), Vec::new());
         if let Some(tangents) = integrator.tangents() {
             let weights = tangents.weights(physics.scales().time_s);
-            free = (0..weights.len()).zip(tangents.free()).filter(|(_, free)| *free).map(|(i, _)| i).collect();
+            free =
+                (0..weights.len()).zip(tangents.free()).filter(|(_, free)| *free).map(|(i, _)| i).collect();
             unit = free.iter().map(|place| 1.0 / weights[*place].sqrt()).collect();
         }
         let mut these = Self { free, unit, beads: start.u_m.len() };
@@ -121,7 +129,7 @@ impl Coordinates {
 
     /// Places of displacements, and of velocities, among the coordinates.
     pub(crate) fn displacements_and_velocities(&self) -> (Vec<usize>, Vec<usize>) {
-        (0..self.count()).partition(|place| self.free[*place] / self.beads % 2 == 0)
+        (0..self.count()).partition(|place| (self.free[*place] / self.beads).is_multiple_of(2))
     }
 
     /// Place of the displacement of `bead` among the coordinates, and its unit (m).
@@ -165,7 +173,7 @@ impl Map<'_> {
                         threads.spawn(move || self.part(physics, state, each, columns))
                     };
                     let begun: Vec<_> = starts.into_iter().map(part).collect();
-                    begun.into_iter().map(|part| part.join()).collect::<Vec<_>>()
+                    begun.into_iter().map(ScopedJoinHandle::join).collect::<Vec<_>>()
                 });
                 let mut derivative = DMatrix::zeros(count, count);
                 for part in parts {
@@ -205,7 +213,7 @@ impl Map<'_> {
         mut state: ChainState,
         steps: u64,
         columns: std::ops::Range<usize>,
-    ) -> Result<(ChainState, Vec<(usize, Vec<f64>)>), MapError> {
+    ) -> Result<(ChainState, Vec<Column>), MapError> {
         let Coordinates { free, unit, .. } = self.coordinates;
         let mut integrator = Integrator::with_tangents(physics, columns.len())?;
         if let Some(tangents) = integrator.tangents() {
@@ -218,6 +226,9 @@ impl Map<'_> {
         advance(&mut integrator, &mut state, steps)?;
         let mut found = Vec::new();
         if let Some(tangents) = integrator.tangents() {
+            if tangents.has_jumped() {
+                return Err(MapError::Jumps);
+            }
             for (number, column) in columns.enumerate() {
                 let change = tangents.tangent(number);
                 found.push((column, self.coordinates.of_numbers(|place| change[place])));
@@ -233,7 +244,8 @@ impl Map<'_> {
         let of_beads = prescribed.map(|bead| (end.u_m[bead] - start.u_m[bead]).abs());
         let rows = self.physics.rows();
         let [at_start, at_end] = [start, end].map(|state| rows.drives_of(&state.extra));
-        let of_drives = at_start.chunks_exact(2).zip(at_end.chunks_exact(2)).map(|(a, b)| (a[1] - b[1]).abs());
+        let of_drives =
+            at_start.chunks_exact(2).zip(at_end.chunks_exact(2)).map(|(a, b)| (a[1] - b[1]).abs());
         of_beads.chain(of_drives).fold(0.0, f64::max) / unit.first().copied().unwrap_or(1.0)
     }
 

@@ -232,7 +232,9 @@ impl Newton<'_> {
             changed.points[0][place] = unknown.points[0][place];
             value
         };
-        (0..self.coordinates.count()).map(|place| (by(place, 1.0) - by(place, -1.0)) / (2.0 * change)).collect()
+        (0..self.coordinates.count())
+            .map(|place| (by(place, 1.0) - by(place, -1.0)) / (2.0 * change))
+            .collect()
     }
 
     /// The distances that the parts leave after `carried`, and the residual with those of the further equations.
@@ -301,7 +303,8 @@ impl Newton<'_> {
         if let Some(plane) = plane {
             let change = CHANGE;
             let changed = |sign: f64| -> Result<_, NoOrbit> {
-                let (problem, unknown) = self.at(&unknown, unknown.parameter + sign * change * self.units[1])?;
+                let (problem, unknown) =
+                    self.at(&unknown, unknown.parameter + sign * change * self.units[1])?;
                 Ok((change, problem, unknown))
             };
             by.push(self.difference(Number::Parameter, &unknown, &carried, changed)?);
@@ -354,8 +357,8 @@ impl Newton<'_> {
     }
 
     /// Finds the orbit near `start`, on `plane` if it is told.
-    pub(crate) fn find(&self, start: Unknown, plane: Option<&Plane>) -> Result<Found, NoOrbit> {
-        let (_, mut unknown) = self.at(&start, start.parameter)?;
+    pub(crate) fn find(&self, start: &Unknown, plane: Option<&Plane>) -> Result<Found, NoOrbit> {
+        let (_, mut unknown) = self.at(start, start.parameter)?;
         let mut residuals = Vec::new();
         for _ in 0..MOST_STEPS {
             let linear = self.linear(&unknown, plane)?;
@@ -363,7 +366,8 @@ impl Newton<'_> {
             residuals.push(before);
             let falls = residuals.iter().rev().nth(2).is_none_or(|earlier| before < 0.5 * earlier);
             if before <= TOLERANCE || before <= TAKEN && !falls {
-                let monodromy = if self.turns { self.there_and_back(&linear.monodromy) } else { linear.monodromy };
+                let monodromy =
+                    if self.turns { self.there_and_back(&linear.monodromy) } else { linear.monodromy };
                 return Ok(Found { unknown, monodromy, residuals });
             }
             let step = self.solve(&linear, None)?;
@@ -376,7 +380,13 @@ impl Newton<'_> {
     }
 
     /// `unknown` after `step`, or after a part of it that leads nearer to an orbit; the nearest of those tried if none does.
-    fn damped(&self, unknown: &Unknown, linear: &Linear, step: &DVector<f64>, plane: Option<&Plane>) -> Option<Unknown> {
+    fn damped(
+        &self,
+        unknown: &Unknown,
+        linear: &Linear,
+        step: &DVector<f64>,
+        plane: Option<&Plane>,
+    ) -> Option<Unknown> {
         let before = linear.residual;
         let (mut length, mut nearest) = (1.0, None);
         for _ in 0..=MOST_HALVINGS {
@@ -444,7 +454,8 @@ impl Newton<'_> {
             let (row, column) = (self.closed[row], self.unknown[column]);
             linear.monodromy[(row, column)] - if row == column { 1.0 } else { 0.0 }
         });
-        let closed = |all: &DVector<f64>| DVector::from_iterator(count, self.closed.iter().map(|row| all[*row]));
+        let closed =
+            |all: &DVector<f64>| DVector::from_iterator(count, self.closed.iter().map(|row| all[*row]));
         let mut matrix = DMatrix::zeros(size, size);
         matrix.view_mut((0, 0), (count, count)).copy_from(&equations);
         for (column, by) in linear.by.iter().enumerate() {
@@ -459,7 +470,10 @@ impl Newton<'_> {
         let mut right_side = DVector::zeros(size);
         for (row, (by_coordinates, by_others, value)) in linear.further.iter().enumerate() {
             let row = count + symmetries + row;
-            self.unknown.iter().enumerate().for_each(|(column, place)| matrix[(row, column)] = by_coordinates[*place]);
+            self.unknown
+                .iter()
+                .enumerate()
+                .for_each(|(column, place)| matrix[(row, column)] = by_coordinates[*place]);
             by_others.iter().enumerate().for_each(|(other, by)| matrix[(row, count + other)] = *by);
             right_side[row] = if along.is_some() { 0.0 } else { -value };
         }
@@ -474,7 +488,8 @@ impl Newton<'_> {
     /// `unknown`, moved by `length` times `step`.
     fn moved(&self, unknown: &Unknown, linear: &Linear, step: &DVector<f64>, length: f64) -> Unknown {
         let count = self.unknown.len();
-        let by: Vec<(&By, f64)> = linear.by.iter().zip(step.rows(count, linear.by.len()).iter().copied()).collect();
+        let by: Vec<(&By, f64)> =
+            linear.by.iter().zip(step.rows(count, linear.by.len()).iter().copied()).collect();
         let mut next = unknown.clone();
         let mut change = DVector::zeros(self.coordinates.count());
         self.unknown.iter().zip(step.iter()).for_each(|(place, x)| change[*place] = *x);
@@ -520,7 +535,7 @@ fn together(carried: &Carried, parts: &[Vec<f64>]) -> DVector<f64> {
     all
 }
 
-/// Directions that `equations` nearly lose, as columns at right angles: by inverse iteration with AᵀA.
+/// Directions that `equations` nearly lose, as columns at right angles: by inverse iteration with `AᵀA`.
 fn lost(equations: &DMatrix<f64>, count: usize) -> Option<DMatrix<f64>> {
     let size = equations.nrows();
     // a matrix that is singular to the last place cannot be divided by

@@ -70,7 +70,12 @@ pub fn multipliers(caption: impl Into<String>, found: &Multipliers) -> Figure {
 }
 
 /// A branch, from its rows: amplitude, energy and the largest multiplier along `key`; unstable parts are dashed.
-pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], changes: &[(String, f64, f64, f64)]) -> Figure {
+pub fn branch(
+    caption: impl Into<String>,
+    key: &str,
+    rows: &[Vec<Cell>],
+    changes: &[(String, f64, f64, f64)],
+) -> Figure {
     let is_unstable = |row: &Vec<Cell>| matches!(row[UNSTABLE], Cell::Integer(count) if count > 0);
     let mut figure = Figure::new().caption(caption).shared_x();
     let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
@@ -85,7 +90,9 @@ pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], changes
         let points = |wanted: bool| {
             let place = |place: usize| {
                 let row = &rows[place];
-                let is_shown = [place, place + 1].iter().any(|at| rows.get(*at).is_some_and(|row| is_unstable(row) == wanted));
+                let is_shown = [place, place + 1]
+                    .iter()
+                    .any(|at| rows.get(*at).is_some_and(|row| is_unstable(row) == wanted));
                 (double(&row[0]), if is_shown { double(&row[column]) } else { f64::NAN })
             };
             (0..rows.len()).map(place).collect::<Vec<_>>()

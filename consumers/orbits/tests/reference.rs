@@ -91,11 +91,17 @@ fn wave(alpha: f64, speed: f64) -> String {
 fn file(case: &str, changes: bool) -> String {
     let along = |from: f64, to: f64| {
         let key = "drive[0].displacement_m.sine.amplitude";
-        if changes { format!("continue = {{ key = '{key}', from = {from}, to = {to} }}") } else { String::new() }
+        if changes {
+            format!("continue = {{ key = '{key}', from = {from}, to = {to} }}")
+        } else {
+            String::new()
+        }
     };
-    let energy = |energy_j: f64| format!("orbit = {{ energy_j = {energy_j}, period_s = 3.0, steps = 400 }}\n");
+    let energy =
+        |energy_j: f64| format!("orbit = {{ energy_j = {energy_j}, period_s = 3.0, steps = 400 }}\n");
     let threshold = |beads: u32, from: f64, to: f64| {
-        let along = format!("{}continue = {{ key = 'orbit.energy_j', from = {from}, to = {to} }}", energy(from));
+        let along =
+            format!("{}continue = {{ key = 'orbit.energy_j', from = {from}, to = {to} }}", energy(from));
         highest_mode(beads, FPUT, (0.5 * from / f64::from(beads)).sqrt(), &along)
     };
     let dimer = ", masses = { pattern_kg = [1.0, 0.5] }";
@@ -131,7 +137,11 @@ fn orbits_are_those_of_another_program() {
         let change = name.strip_prefix("change ");
         let branch = found.entry((case, change.is_some())).or_insert_with(|| {
             let file = file(case, change.is_some());
-            if file.contains("continue = ") { follow(&file) } else { Branch { last: find(&file), changes: Vec::new() } }
+            if file.contains("continue = ") {
+                follow(&file)
+            } else {
+                Branch { last: find(&file), changes: Vec::new() }
+            }
         });
         let value = match change {
             None => quantity(&branch.last, name),

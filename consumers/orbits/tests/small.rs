@@ -12,12 +12,30 @@ use waves::modes::Modes;
 const KINDS: [(&str, &str); 12] = [
     ("a pressed chain", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
     ("another power", "alpha = 2.2, stiffness = 1e9 | load.precompression_n = 20.0"),
-    ("several powers", "alphas = { pattern = [1.5, 1.3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
-    ("a second power", "second = { alpha = 3.0, stiffness = 1e12 }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
-    ("two masses", "masses = { pattern_kg = [1e-3, 3e-3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
-    ("an impurity", "impurities = [{ bead = 1, mass_kg = 4e-4 }], alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
-    ("springs", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | on_site = { linear_n_per_m = 1e5, cubic_n_per_m3 = 1e13 }"),
-    ("resonators", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | resonators = { mass_kg = 4e-4, stiffness_n_per_m = 3e5 }"),
+    (
+        "several powers",
+        "alphas = { pattern = [1.5, 1.3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0",
+    ),
+    (
+        "a second power",
+        "second = { alpha = 3.0, stiffness = 1e12 }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0",
+    ),
+    (
+        "two masses",
+        "masses = { pattern_kg = [1e-3, 3e-3] }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0",
+    ),
+    (
+        "an impurity",
+        "impurities = [{ bead = 1, mass_kg = 4e-4 }], alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0",
+    ),
+    (
+        "springs",
+        "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | on_site = { linear_n_per_m = 1e5, cubic_n_per_m3 = 1e13 }",
+    ),
+    (
+        "resonators",
+        "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | resonators = { mass_kg = 4e-4, stiffness_n_per_m = 3e5 }",
+    ),
     ("weight", "alpha = 1.5, stiffness = 1e7 | load.gravity_m_s2 = 2e4 | load.precompression_n = 5.0"),
     ("FPUT bonds", "bonds = { linear = 1e6, quadratic = 1e9, cubic = 1e13 }"),
     ("Toda bonds", "bonds = { toda = { stiffness = 30.0, steepness_per_m = 3e4 } }"),
@@ -56,7 +74,12 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                     if kind.contains("alphas") && beads == 2 {
                         continue;
                     }
-                    if ends == "periodic" && (name == "weight" || name == "springs" || beads == 2 || beads % 2 == 1 && kind.contains("pattern")) {
+                    if ends == "periodic"
+                        && (name == "weight"
+                            || name == "springs"
+                            || beads == 2
+                            || beads % 2 == 1 && kind.contains("pattern"))
+                    {
                         continue;
                     }
                     let toml = file(beads, kind, ends, method, &orbit);
@@ -65,7 +88,9 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                     let orbit = match tried(&toml) {
                         Ok(orbit) => orbit,
                         // modes of one frequency: each of their sums is an orbit, to this amplitude
-                        Err(NoOrbit::NotUnique { .. } | NoOrbit::Stuck { .. }) if ends == "periodic" => continue,
+                        Err(NoOrbit::NotUnique { .. } | NoOrbit::Stuck { .. }) if ends == "periodic" => {
+                            continue;
+                        }
                         Err(error) => panic!("{what}: {error}"),
                     };
                     let omega = modes.omega_rad_s()[number - 1];
@@ -77,11 +102,8 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                     // of a ring two modes have nearly one frequency
                     let most = if ends == "periodic" { 1e-6 } else { 1e-10 };
                     assert!(orbit.returns < most, "{what}: {:?}", orbit.returns);
-                    let mut expected: Vec<f64> = modes
-                        .omega_rad_s()
-                        .iter()
-                        .flat_map(|omega| [(omega * period_s).cos(); 2])
-                        .collect();
+                    let mut expected: Vec<f64> =
+                        modes.omega_rad_s().iter().flat_map(|omega| [(omega * period_s).cos(); 2]).collect();
                     let mut found: Vec<f64> = orbit.multipliers.all().iter().map(|one| one.re).collect();
                     expected.sort_by(f64::total_cmp);
                     found.sort_by(f64::total_cmp);
@@ -117,7 +139,10 @@ fn parts_of_a_period_change_no_multiplier() {
         for (one, other) in one.iter().zip(&other) {
             // the defective pair at 1 is good to the root of rounding
             let tolerance = if (one.1 - 1.0).abs() < 1e-5 { 1e-5 } else { 1e-8 };
-            assert!((one.0 - other.0).abs() < tolerance && (one.1 - other.1).abs() < tolerance, "{name}: {one:?} and {other:?}");
+            assert!(
+                (one.0 - other.0).abs() < tolerance && (one.1 - other.1).abs() < tolerance,
+                "{name}: {one:?} and {other:?}"
+            );
         }
     }
 }

@@ -12,19 +12,21 @@ use crate::drives::{Acts, Drives, Now, When};
 use crate::kernel::{Activity, Kernel, Motion};
 use crate::pieces::{Knots, Piece};
 use crate::state::ChainState;
+use crate::tangents::Tangents;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::rows::Rows;
 use schemas::simd::vectorized;
 use std::ops::Range;
 
-const STAGES: usize = 6;
+/// Evaluations of forces in a step.
+pub(crate) const STAGES: usize = 6;
 
 /// Times of the stages, in steps.
 const C: [f64; STAGES] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0];
 
 /// Weights of the earlier slopes in the state at each stage but the first, and in the state at the end.
-const A: [[f64; STAGES]; STAGES] = [
+pub(crate) const A: [[f64; STAGES]; STAGES] = [
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
     [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
@@ -69,6 +71,8 @@ pub(crate) struct Runge {
     /// Power (W) that contacts dissipate, N values.
     power_w: Vec<f64>,
     has_damped_left_wall: bool,
+    /// Changes of the state that it carries with it.
+    tangents: Option<Tangents>,
 }
 
 impl Runge {
@@ -101,7 +105,18 @@ impl Runge {
             started_m_s: Vec::new(),
             power_w: vec![0.0; beads],
             has_damped_left_wall: chain.damping.is_some() && chain.walls.left.is_there,
+            tangents: None,
         }
+    }
+
+    /// Carries `tangents` with the states, from the state on that it is given next.
+    pub(crate) fn carry(&mut self, tangents: Tangents) {
+        (self.tangents, self.slopes_of_step) = (Some(tangents), None);
+    }
+
+    /// The tangents of the state stepped to last.
+    pub(crate) fn tangents(&mut self) -> Option<&mut Tangents> {
+        self.tangents.as_mut()
     }
 
     /// Advances `state` by one step.
@@ -132,6 +147,9 @@ impl Runge {
             self.combine(stage, dt_s, state, &beads);
             self.put_moved(if stage == STAGES - 1 { piece.end() } else { piece.within(c * dt_s) }, state);
             self.evaluate(stage, &beads);
+        }
+        if let Some(tangents) = &mut self.tangents {
+            tangents.step(dt_s);
         }
         self.combine(STAGES, dt_s, state, &beads);
         self.put_moved(piece.end(), state);
@@ -224,6 +242,9 @@ impl Runge {
         let [u_m, v_m_s, ..] = &mut self.at.arrays;
         let mut motion = Motion { u_m: u_m.whole(), v_m_s: v_m_s.whole(), walls_m, walls_m_s };
         self.kernel.evaluate_moving(beads, &mut motion, &mut self.power_w);
+        if let Some(tangents) = &mut self.tangents {
+            tangents.look_at(stage, &motion);
+        }
         let [u_m, v_m_s, w_m, w_m_s, _] = &self.at.arrays;
         let slopes = &mut self.slopes[stage];
         let [du, dv, dw, dw_v, dwork] = &mut slopes.arrays;

@@ -2,7 +2,9 @@ mod naive;
 mod tangents;
 
 use super::*;
-use schemas::config::{DampingConfig, End, MassRule, Profile, RunConfig, SecondPower, StiffnessRule};
+use schemas::config::{
+    DampingConfig, End, MassRule, PowerDamping, Profile, RunConfig, SecondPower, StiffnessRule,
+};
 use schemas::presets::PRESETS;
 use schemas::term::{Spring, TermLaw, Toda};
 

@@ -1,7 +1,9 @@
 //! Slopes of the forces along a run.
 
+use crate::kernel::Motion;
 use schemas::chain::Chain;
 use schemas::contact::BLOCK;
+use schemas::damping::{ContactDamping, Factor};
 use schemas::sites::Sites;
 use schemas::term::TermLaw;
 use std::ops::Range;
@@ -12,6 +14,7 @@ pub(crate) struct Slopes {
     /// Each law, and its stiffness in each contact. Of `N + 1` contacts the first is that on the left of bead 0, or the one that closes a
     /// ring, which is the last one, too. This and the other arrays of contacts are filled up with zeros to whole blocks.
     laws: Vec<(TermLaw, Vec<f64>)>,
+    beads: usize,
     rest_m: Vec<f64>,
     have_wall: [bool; 2],
     is_ring: bool,
@@ -22,6 +25,79 @@ pub(crate) struct Slopes {
     pub(crate) contacts: Vec<f64>,
     /// Slopes of the springs that hold the beads, N numbers or none.
     pub(crate) springs: Vec<f64>,
+    damped: Option<Damped>,
+    /// dF/d(dδ/dt) (N·s/m) of the contacts, as many as slopes; none without damping.
+    pub(crate) rates: Vec<f64>,
+}
+
+/// The damping of contacts.
+#[derive(Debug, Clone)]
+struct Damped {
+    /// η of each contact, in the order of the slopes.
+    coefficient: Vec<f64>,
+    /// p of the factor δ^p.
+    exponent: f64,
+    factor: Factor,
+    /// The law of δ^q, from which the factor is made.
+    raised: TermLaw,
+    raised_by: Vec<f64>,
+    ones: Vec<f64>,
+    /// Sum of the elastic forces (N).
+    elastic_n: Vec<f64>,
+    /// Bonds are never cut.
+    is_bonded: bool,
+    zero_up_to_m: f64,
+}
+
+impl Damped {
+    fn of(chain: &Chain, beside: impl Fn(&[f64], [f64; 2]) -> Vec<f64>) -> Option<Self> {
+        let ContactDamping { kind, coefficient, wall_coefficient } = chain.damping.as_ref()?;
+        let coefficient = beside(coefficient, *wall_coefficient);
+        let zeros = vec![0.0; coefficient.len()];
+        Some(Self {
+            exponent: kind.exponent(chain.law.alpha()),
+            factor: kind.factor(),
+            raised: TermLaw::Power(kind.raised(chain.law.alpha()).unwrap_or_else(|| chain.law.clone())),
+            raised_by: zeros.clone(),
+            ones: vec![1.0; coefficient.len()],
+            elastic_n: zeros,
+            is_bonded: chain.is_bonded,
+            zero_up_to_m: chain.law.zero_up_to_m(),
+            coefficient,
+        })
+    }
+}
+
+impl Damped {
+    /// Adds the damping of contact `c` to its slopes by the overlap and by its rate.
+    #[inline(always)]
+    fn add(&self, c: usize, overlap_m: f64, rate_m_s: f64, [slope, rate]: [&mut f64; 2]) {
+        let is_closed = self.is_bonded || overlap_m > self.zero_up_to_m;
+        let factor =
+            if is_closed { self.coefficient[c] * self.factor.at(self.raised_by[c], overlap_m) } else { 0.0 };
+        // a contact never pulls
+        if !is_closed || !self.is_bonded && self.elastic_n[c] + factor * rate_m_s <= 0.0 {
+            (*slope, *rate) = (0.0, 0.0);
+            return;
+        }
+        if self.exponent > 0.0 {
+            *slope += self.exponent * factor / overlap_m * rate_m_s;
+        }
+        *rate = factor;
+    }
+
+    /// True if a contact with a dashpot has closed or opened since `closed`, which becomes what is now.
+    fn jumps(&self, overlap_m: &[f64], closed: &mut Vec<bool>) -> bool {
+        if self.is_bonded || self.exponent > 0.0 {
+            return false;
+        }
+        let is_closed =
+            |(overlap, coefficient): (&f64, &f64)| *coefficient > 0.0 && *overlap > self.zero_up_to_m;
+        let now: Vec<bool> = overlap_m.iter().zip(&self.coefficient).map(is_closed).collect();
+        let has_jumped = !closed.is_empty() && *closed != now;
+        *closed = now;
+        has_jumped
+    }
 }
 
 impl Slopes {
@@ -40,8 +116,10 @@ impl Slopes {
         // bonds have no stiffness of the law
         laws.retain(|(_, stiffness)| stiffness.iter().any(|k| *k != 0.0));
         let contacts = (chain.bead_count() + 1).next_multiple_of(BLOCK);
+        let damped = Damped::of(chain, beside);
         Self {
             laws,
+            beads: chain.bead_count(),
             rest_m: beside(&chain.rest_overlap_m, [0, 1].map(|side| chain.wall(side).rest_overlap_m)),
             have_wall: ends.map(|side| chain.wall(side).is_there),
             is_ring: chain.is_ring,
@@ -50,6 +128,8 @@ impl Slopes {
             contacts: vec![0.0; contacts],
             springs: vec![0.0; chain.sites.linear_n_per_m.len()],
             sites: chain.sites.clone(),
+            rates: damped.as_ref().map_or_else(Vec::new, |_| vec![0.0; contacts]),
+            damped,
         }
     }
 
@@ -88,6 +168,37 @@ impl Slopes {
                 self.springs[i] = linear[i] + 3.0 * cubic[i] * (u_m[i] * u_m[i]);
             }
         }
+    }
+
+    /// Finds those of the whole chain in this motion, with the rates of damped contacts. `closed` remembers which contacts with dashpots are
+    /// closed; true if one has closed or opened since, where its force jumps.
+    #[inline(always)]
+    pub(crate) fn find_moving(&mut self, motion: &Motion<'_>, closed: &mut Vec<bool>) -> bool {
+        let (u_m, v_m_s) = (&motion.u_m[..self.beads], &motion.v_m_s[..self.beads]);
+        self.find(u_m, motion.walls_m, &(0..self.beads));
+        let Some(damped) = &mut self.damped else { return false };
+        let (overlap_m, force_n) = (&self.overlap_m[..], &mut self.force_n[..]);
+        damped.elastic_n.fill(0.0);
+        for (law, stiffness) in &self.laws {
+            law.forces(stiffness, overlap_m, force_n);
+            damped.elastic_n.iter_mut().zip(&*force_n).for_each(|(sum, force)| *sum += force);
+        }
+        damped.raised.forces(&damped.ones, overlap_m, &mut damped.raised_by);
+        let last = self.beads - 1;
+        let ends_m_s = if self.is_ring {
+            [v_m_s[last] - v_m_s[0]; 2]
+        } else {
+            [motion.walls_m_s[0] - v_m_s[0], v_m_s[last] - motion.walls_m_s[1]]
+        };
+        for c in 0..=self.beads {
+            let rate_m_s = match c {
+                0 => ends_m_s[0],
+                _ if c == self.beads => ends_m_s[1],
+                _ => v_m_s[c - 1] - v_m_s[c],
+            };
+            damped.add(c, overlap_m[c], rate_m_s, [&mut self.contacts[c], &mut self.rates[c]]);
+        }
+        damped.jumps(overlap_m, closed)
     }
 
     #[inline(always)]

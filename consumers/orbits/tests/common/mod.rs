@@ -18,7 +18,8 @@ pub(crate) fn list(numbers: impl IntoIterator<Item = f64>) -> String {
 }
 
 pub(crate) fn read(toml: &str) -> File {
-    File::read(Path::new("orbit.toml"), toml, experiments::prepared).unwrap_or_else(|error| panic!("{error}\n{toml}"))
+    File::read(Path::new("orbit.toml"), toml, experiments::prepared)
+        .unwrap_or_else(|error| panic!("{error}\n{toml}"))
 }
 
 /// The orbit that a file asks for, or the reason why there is none.
@@ -37,13 +38,16 @@ pub(crate) fn follow(toml: &str) -> Branch {
     let file = read(toml);
     let family = |parameter: f64| file.problem(parameter);
     let (_, stretch) = file.stretch().expect("a branch");
-    let search = Search::begin(&family, file.from(), file.options()).unwrap_or_else(|error| panic!("{error}"));
+    let search =
+        Search::begin(&family, file.from(), file.options()).unwrap_or_else(|error| panic!("{error}"));
     let search = search.along(&stretch);
     let (mut last, mut changes) = (None, Vec::new());
     let end = search.follow(&stretch, None, |step, orbit| {
         if let Some((before, one)) = &last {
             let before: &orbits::branch::Step = before;
-            changes.extend(search.change(one, orbit, before.turns(step)).unwrap_or_else(|error| panic!("{error}")));
+            changes.extend(
+                search.change(one, orbit, before.turns(step)).unwrap_or_else(|error| panic!("{error}")),
+            );
         }
         last = Some((step.clone(), orbit.clone()));
         ControlFlow::Continue(())
