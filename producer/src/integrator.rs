@@ -14,7 +14,6 @@ pub use lanes::Lanes;
 pub(crate) use lanes::Shape;
 use pulp::Arch;
 use runge::Runge;
-pub(crate) use runge::{A, STAGES};
 use schemas::frame::Active;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -86,7 +85,7 @@ impl Integrator {
         let tangents = || Tangents::of(physics, &chain, count, arch);
         match &mut integrator.by_method {
             ByMethod::Splitting(splitting) => splitting.carry(tangents(), physics, &chain),
-            ByMethod::Runge(runge) => runge.carry(tangents()),
+            ByMethod::Runge(runge) => runge.carry(tangents(), &chain),
             ByMethod::Gear(_) => return Err(NoTangent(physics.method)),
         }
         Ok(integrator)

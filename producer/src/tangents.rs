@@ -62,7 +62,7 @@ struct Masses {
 
 /// Reason why a run has no tangent.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the derivatives of steps by {0} are not computed; choose velocity-verlet, rkn4 or rk5")]
+#[error("the derivatives of steps by {0} are not computed; leave [integrator] out, or choose another method")]
 pub struct NoTangent(pub(crate) Method);
 
 impl Tangents {
@@ -86,11 +86,16 @@ impl Tangents {
             }
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
-        let stages = (physics.method == Method::Rk5).then(|| Box::new(Stages::of(chain, &slopes)));
-        let (blocks, kick_left_s) = (Vec::new(), 0.0);
+        let (blocks, kick_left_s, stages) = (Vec::new(), 0.0, None);
         let mut none = Self { arch, count: 0, blocks, slopes, masses, is_ring, kick_left_s, stages };
         none.resize(count);
         none
+    }
+
+    /// Carries them through the stages of a Runge–Kutta method with these weights, in a run of `chain`.
+    pub(crate) fn in_stages<const N: usize>(self, chain: &Chain, weights: &[[f64; N]; N]) -> Self {
+        let stages = Some(Box::new(Stages::of(chain, &self.slopes, weights)));
+        Self { stages, ..self }
     }
 
     /// Makes them so many; new ones are zero.

@@ -21,8 +21,8 @@ pub(crate) struct OrbitArgs {
     #[arg(long, value_name = "DIR", required_unless_present = "example")]
     pub(crate) out: Option<PathBuf>,
     /// Print an orbit file to begin with
-    #[arg(long)]
-    pub(crate) example: bool,
+    #[arg(long, value_name = "breather|diode|fput", num_args = 0..=1, default_missing_value = "breather")]
+    pub(crate) example: Option<String>,
     /// Replace the results in the directory
     #[arg(long)]
     pub(crate) force: bool,

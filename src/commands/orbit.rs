@@ -26,8 +26,12 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// An orbit file to begin with.
-const EXAMPLE: &str = include_str!("orbit/example.toml");
+/// Orbit files to begin with.
+const EXAMPLES: [(&str, &str); 3] = [
+    ("breather", include_str!("orbit/breather.toml")),
+    ("diode", include_str!("orbit/diode.toml")),
+    ("fput", include_str!("orbit/fput.toml")),
+];
 
 /// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
 const SIGN: &str = "orbit.toml";
@@ -40,8 +44,12 @@ const KEPT: [&str; 2] = ["step", "change"];
 const SHOWN: usize = 6;
 
 pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
-    if args.example {
-        display::print(EXAMPLE)?;
+    if let Some(asked) = &args.example {
+        let Some((_, text)) = EXAMPLES.iter().find(|(name, _)| name == asked) else {
+            let names = EXAMPLES.map(|(name, _)| name).join(", ");
+            return Err(bad_input!("there is no example `{asked}`; there are: {names}"));
+        };
+        display::print(text)?;
         return Ok(Done::Whole);
     }
     let (Some(path), Some(out)) = (&args.file, &args.out) else {
@@ -163,7 +171,7 @@ fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -
     Ok(Done::Whole)
 }
 
-/// Says that a residual is larger than rounding, and why.
+/// Tells that a residual is larger than rounding, and why.
 fn tell_residual(orbit: &Orbit) {
     // the whole period has twice the roundings
     if orbit.returns > 100.0 * orbits::newton::TOLERANCE {
@@ -187,7 +195,8 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
         "period",
         format_args!("{period} ({} of {})", counted(steps, "step"), quantity(orbit.physics.dt_s, "s")),
     );
-    rows.add("frequency", quantity(1.0 / orbit.period_s(), "Hz"));
+    let place = shown::place(orbit).map_or(String::new(), |place| format!(", {place}"));
+    rows.add("frequency", format_args!("{}{place}", quantity(1.0 / orbit.period_s(), "Hz")));
     rows.add("energy", quantity(orbit.energy_j, "J"));
     rows.add("largest displacement", quantity(orbit.amplitude_m(), "m"));
     rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
@@ -224,6 +233,7 @@ fn told(orbit: &Orbit) -> Value {
     json!({
         "period_s": orbit.period_s(),
         "frequency_hz": 1.0 / orbit.period_s(),
+        "frequency_is": shown::place(orbit),
         "steps": orbit.physics.step_count,
         "dt_s": orbit.physics.dt_s,
         "energy_j": orbit.energy_j,

@@ -35,6 +35,7 @@ mod mcap_readers;
 mod measures;
 #[cfg(feature = "remote")]
 mod object_store;
+mod orbits;
 mod origins;
 mod other_tools;
 mod own_analysis;

@@ -28,7 +28,7 @@ pub static OFFER: Offer = Offer {
         beadline lyapunov run.mcap --exponents all           the whole spectrum, in pairs\n\n\
         Changes of a state are carried through the very operations of the steps, which are computed again beside the frames: exponents \
         do not depend on which frames there are. They are means since the first frame, ln of the growth over the time, with |w|² = Σ \
-        m·((δu/T)² + δv²) and the collision time T of the run. Methods: velocity-verlet and rkn4. Where contacts open, a power between 1 and 2 \
+        m·((δu/T)² + δv²) and the collision time T of the run. Methods: all but gear5. Exponents pair as λ and −λ where nothing is damped. Where contacts open, a power between 1 and 2 \
         has no slope on both sides: the growth errs by dt^1.5 at each opening.",
     settings: &[
         Setting::new(
@@ -255,6 +255,10 @@ impl Analysis for Lyapunov {
             report.notices.push(why);
             report.results = json!({ "exponents_per_s": [] });
             return Some(report);
+        }
+        if self.integrator.tangents().is_some_and(|tangents| tangents.has_jumped()) {
+            let why = "a contact with a dashpot closes or opens, where its force jumps: exponents are not those of the motion";
+            report.notices.push(why.to_owned());
         }
         let (interval_s, exponents) = (self.interval_s(), self.exponents_per_s());
         let errors: Vec<_> =

@@ -15,7 +15,7 @@ pub struct Stretch {
     pub from: f64,
     /// The parameter at which the branch ends.
     pub to: f64,
-    /// First step, and a fifth of the longest one, over the whole stretch.
+    /// First step over the whole stretch, and over the size of the first orbit.
     pub step: f64,
     /// Most orbits.
     pub most: usize,
@@ -62,6 +62,8 @@ pub enum End {
 
 /// Shortest step, over the whole stretch.
 const SHORTEST: f64 = 1e-5;
+/// Longest step, over the first one.
+const LONGEST: f64 = 5.0;
 /// Newton steps up to which a step of the branch grows.
 const FEW: usize = 4;
 /// Least cosine of the angle between the directions of orbits beside each other.
@@ -181,7 +183,9 @@ impl Search<'_> {
             return Ok(None);
         }
         let grown = if found.residuals.len() <= FEW { 1.5 * length } else { length };
-        let step = Step { unknown: found.unknown.clone(), direction, length: grown.min(5.0 * stretch.step) };
+        // over the size of the orbits, which the seed was not yet of
+        let longest = LONGEST * stretch.step * norm(&found.unknown.points[0]).max(1.0);
+        let step = Step { unknown: found.unknown.clone(), direction, length: grown.min(longest) };
         Ok(Some((step, found, None)))
     }
 

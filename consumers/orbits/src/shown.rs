@@ -6,6 +6,8 @@ use crate::multipliers::Multipliers;
 use consumers::table::{Cell, Column, Kind};
 use figure::{Axis, Curve, Figure, Mark, Panel, Stroke};
 use std::f64::consts::TAU;
+use waves::dispersion::UnitCell;
+use waves::linear::LinearChain;
 
 /// Columns of a branch, after that of the parameter.
 const COLUMNS: [&str; 6] =
@@ -114,6 +116,19 @@ pub fn branch(
         figure = figure.panel(panel.x_axis(Axis::new(key)));
     }
     figure
+}
+
+/// The place of the frequency of an orbit among those of linear waves; none if there are no such waves, or the chain repeats no unit.
+pub fn place(orbit: &Orbit) -> Option<&'static str> {
+    let linear = LinearChain::of(&orbit.physics.chain()).ok()?;
+    let bands = UnitCell::of(&linear)?.bands_hz();
+    let frequency_hz = 1.0 / orbit.period_s();
+    let highest_hz = bands.iter().map(|band| band[1]).fold(0.0, f64::max);
+    Some(match UnitCell::carries(&bands, frequency_hz) {
+        true => "in a band of linear waves",
+        false if frequency_hz > highest_hz => "above the bands of linear waves",
+        false => "in a gap between the bands of linear waves",
+    })
 }
 
 /// A change of stability in words: `Neimark–Sacker at 0.389617`.

@@ -20,13 +20,13 @@ use schemas::simd::vectorized;
 use std::ops::Range;
 
 /// Evaluations of forces in a step.
-pub(crate) const STAGES: usize = 6;
+const STAGES: usize = 6;
 
 /// Times of the stages, in steps.
 const C: [f64; STAGES] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0];
 
 /// Weights of the earlier slopes in the state at each stage but the first, and in the state at the end.
-pub(crate) const A: [[f64; STAGES]; STAGES] = [
+const A: [[f64; STAGES]; STAGES] = [
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
     [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
@@ -109,9 +109,9 @@ impl Runge {
         }
     }
 
-    /// Carries `tangents` with the states, from the state on that it is given next.
-    pub(crate) fn carry(&mut self, tangents: Tangents) {
-        (self.tangents, self.slopes_of_step) = (Some(tangents), None);
+    /// Carries `tangents` with the states of this run of `chain`, from the state on that it is given next.
+    pub(crate) fn carry(&mut self, tangents: Tangents, chain: &Chain) {
+        (self.tangents, self.slopes_of_step) = (Some(tangents.in_stages(chain, &A)), None);
     }
 
     /// The tangents of the state stepped to last.

@@ -4,7 +4,6 @@
 //! stages of a step are known, each block of tangents is carried through them, while it is in the cache.
 
 use super::{Block, Masses, NONE};
-use crate::integrator::{A, STAGES};
 use crate::kernel::Motion;
 use crate::tangents::slopes::Slopes;
 use pulp::{Arch, Simd, WithSimd};
@@ -14,6 +13,8 @@ use schemas::simd::{LANES, in_vectors, load, store, vectorized};
 /// The derivatives of the motion at the stages of a step.
 #[derive(Debug, Clone)]
 pub(super) struct Stages {
+    /// Weights of the earlier derivatives at each stage but the first, and at the end of a step.
+    weights: Vec<Vec<f64>>,
     slopes: Vec<Slopes>,
     /// γ (N·s/m) of each bead, or none.
     drag_n_s_per_m: Vec<f64>,
@@ -26,15 +27,16 @@ pub(super) struct Stages {
 }
 
 impl Stages {
-    pub(super) fn of(chain: &Chain, slopes: &Slopes) -> Self {
+    pub(super) fn of<const N: usize>(chain: &Chain, slopes: &Slopes, weights: &[[f64; N]; N]) -> Self {
         let [beads, resonators] =
             [chain.bead_count(), chain.sites.resonator_kg.len()].map(|count| vec![NONE; count]);
         let block = Block([beads.clone(), beads, resonators.clone(), resonators]);
         Self {
-            slopes: vec![slopes.clone(); STAGES],
+            weights: weights.iter().map(|row| row.to_vec()).collect(),
+            slopes: vec![slopes.clone(); N],
             drag_n_s_per_m: chain.sites.drag_n_s_per_m.clone(),
             at: block.clone(),
-            derivatives: vec![block; STAGES],
+            derivatives: vec![block; N],
             closed: Vec::new(),
             has_jumped: false,
         }
@@ -76,12 +78,13 @@ impl WithSimd for Step<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
+        let stages = self.stages.weights.len();
         for at in (0..LANES).step_by(S::F64_LANES) {
-            for stage in 0..STAGES {
+            for stage in 0..stages {
                 self.come_to::<S>(simd, at, stage);
                 self.differentiate::<S>(simd, at, stage);
             }
-            self.come_to::<S>(simd, at, STAGES);
+            self.come_to::<S>(simd, at, stages);
         }
     }
 }
@@ -90,8 +93,9 @@ impl Step<'_> {
     /// Finds the changes at `stage`, or those at the end of the step, in the lanes of a register from `at` on.
     #[inline(always)]
     fn come_to<S: Simd>(&mut self, simd: S, at: usize, stage: usize) {
-        let Stages { at: changes, derivatives, .. } = &mut *self.stages;
-        let weights = if stage == 0 { [0.0; STAGES] } else { A[stage - 1] };
+        let Stages { weights, at: changes, derivatives, .. } = &mut *self.stages;
+        let is_end = stage == weights.len();
+        let weights = if stage == 0 { &[][..] } else { &weights[stage - 1] };
         for row in 0..self.block.0.len() {
             for i in 0..self.block.0[row].len() {
                 let mut sum = load::<S>(&self.block.0[row][i].0, at);
@@ -101,7 +105,7 @@ impl Step<'_> {
                         sum = simd.add_f64s(sum, simd.mul_f64s(simd.splat_f64s(self.dt_s * weight), part));
                     }
                 }
-                let to = if stage == STAGES { &mut self.block.0[row][i] } else { &mut changes.0[row][i] };
+                let to = if is_end { &mut self.block.0[row][i] } else { &mut changes.0[row][i] };
                 store::<S>(sum, &mut to.0, at);
             }
         }

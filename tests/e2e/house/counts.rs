@@ -5,32 +5,33 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
-pub(super) const BUDGETS: [(&str, usize); 21] = [
-    ("the command", 13_550),
+pub(super) const BUDGETS: [(&str, usize); 22] = [
+    ("the command", 14_000),
     ("schemas", 8_500),
     ("schemas/bus", 4_400),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 6_950),
+    ("producer", 7_250),
     ("consumers", 5_950),
-    ("consumers/analyses", 3_000),
-    ("consumers/experiments", 1_200),
+    ("consumers/analyses", 3_100),
+    ("consumers/experiments", 1_260),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
-    ("consumers/paper", 4_700),
+    ("consumers/orbits", 1_700),
+    ("consumers/paper", 4_650),
     ("consumers/plots", 1_300),
     ("consumers/screen", 700),
     ("consumers/waves", 1_250),
     ("page", 1_250),
     ("relay", 2_500),
-    ("python", 2_150),
-    ("tests/bench", 2_200),
+    ("python", 2_230),
+    ("tests/bench", 2_300),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 70_400;
+const MOST_LINES: usize = 73_200;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -1,0 +1,137 @@
+//! Periodic orbits: what the command finds, writes and refuses.
+
+use crate::harness::Place;
+use serde_json::Value;
+use std::fs;
+
+/// An example that the command prints, in a place of its own.
+fn example(name: &str) -> Place {
+    let place = Place::new();
+    let text = place.run(&format!("orbit --example {name}")).exits(0).stdout().to_owned();
+    place.write(&format!("{name}.toml"), &text);
+    place
+}
+
+/// The example without its table `[continue]`, with a line added to `[orbit]`.
+fn one(place: &Place, name: &str, line: &str) {
+    let text = place.read(&format!("{name}.toml"));
+    let text = text.split("# leave this out").next().unwrap().split("[continue]").next().unwrap();
+    place.write("one.toml", &text.replace("[orbit]\n", &format!("[orbit]\n{line}\n")));
+}
+
+fn changes(found: &Value) -> Vec<(String, f64)> {
+    let changes = found["changes"].as_array().unwrap().iter();
+    changes
+        .map(|change| (change["name"].as_str().unwrap().to_owned(), change["parameter"].as_f64().unwrap()))
+        .collect()
+}
+
+#[test]
+fn the_diode_jumps_at_a_fold_and_is_unsteady_beyond() {
+    let place = example("diode");
+    let found = place.run("orbit diode.toml --out diode --json").exits(0).json();
+    let changes = changes(&found);
+    let names: Vec<&str> = changes.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["fold", "fold", "Neimark–Sacker"], "{changes:?}");
+    // a run that is shaken harder jumps between 0.61 and 0.74 µm
+    assert!((0.61e-6..0.74e-6).contains(&changes[0].1) && changes[1].1 < changes[0].1, "{changes:?}");
+    for file in
+        ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "change-1.mcap", "last.mcap"]
+    {
+        assert!(place.path("diode").join(file).exists(), "{file}");
+    }
+    // the state at the end of the recording is that at its beginning
+    place.run("verify diode/change-1.mcap").exits(0);
+}
+
+#[test]
+fn the_recording_of_an_orbit_comes_back() {
+    let place = example("breather");
+    one(&place, "breather", "steps = 200");
+    let found = place.run("orbit one.toml --out one --json").exits(0).json();
+    assert_eq!(
+        (found["steps"].as_u64(), found["frequency_is"].as_str()),
+        (Some(200), Some("in a band of linear waves"))
+    );
+    assert!(found["returns"].as_f64().unwrap() < 1e-12 && found["is_stable"] == true, "{found}");
+    place.run("verify one/orbit.mcap").exits(0);
+    place.run("export one/orbit.mcap --out states.csv").exits(0);
+    let states = place.read("states.csv");
+    let rows: Vec<Vec<f64>> = states
+        .lines()
+        .filter_map(|line| line.split(',').map(|field| field.parse().ok()).collect::<Option<Vec<f64>>>())
+        .collect();
+    let of_step = |step: f64| rows.iter().filter(move |row| row[1] == step).collect::<Vec<_>>();
+    let (first, last) = (of_step(0.0)[0], of_step(200.0)[0]);
+    assert!(
+        first.len() >= 82 && first.iter().zip(last).skip(3).all(|(a, b)| (a - b).abs() < 1e-12),
+        "{first:?} {last:?}"
+    );
+}
+
+/// However often a branch is interrupted, its files are the same.
+#[test]
+fn an_interrupted_branch_goes_on_to_the_same_bytes() {
+    let place = example("fput");
+    place.run("orbit fput.toml --out whole").exits(0);
+    place.run("orbit fput.toml --out parts").exits(0);
+    // as a kill leaves it: some rows, the last of them torn
+    let journal = place.path("parts").join("branch.journal");
+    let text = fs::read_to_string(&journal).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines.len() > 6, "{}", lines.len());
+    let torn = format!("{}\n{}", lines[..5].join("\n"), &lines[5][..lines[5].len() / 2]);
+    fs::write(&journal, torn).unwrap();
+    for file in ["branch.csv", "orbit.json", "last.mcap"] {
+        fs::remove_file(place.path("parts").join(file)).unwrap();
+    }
+    place.run("orbit fput.toml --out parts").exits(0);
+    for file in ["branch.csv", "branch.journal", "branch.png", "multipliers.csv", "orbit.json"] {
+        let [whole, parts] =
+            ["whole", "parts"].map(|directory| fs::read(place.path(directory).join(file)).unwrap());
+        assert!(whole == parts, "{file}");
+    }
+    let found = place.run("orbit fput.toml --out parts --force --json").exits(0).json();
+    let changes = changes(&found);
+    assert!(changes.len() == 1 && (changes[0].1 - 0.218_181_686_716).abs() < 1e-9, "{changes:?}");
+}
+
+#[test]
+fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
+    let place = example("breather");
+    let text = place.read("breather.toml");
+    let text = text.split("# leave this out").next().unwrap();
+    let drive = "\n[[drive]]\nwall = \"left\"\ndisplacement_m = { sine = { amplitude = 0.01, frequency_hz = 0.4 } }\n";
+    for (from, to, code, expected) in [
+        ("amplitude_m = 0.02\n", "", 3, "Newton's method"),
+        ("amplitude_m = 0.02\n", "amplitude_m = 0.02\nenergy_j = 1.0\n", 2, "one of the two"),
+        ("amplitude_m = 0.02\n", "amplitude_m = 0.02\nperiod = 3\n", 2, "unknown key"),
+        ("amplitude_m = 0.02\n", "period_s = -1.0\n", 2, "above 0"),
+        ("number = 22", "number = 99", 2, "a mode from 1 to 41"),
+        ("mode = { number = 22, displacement_m = 0.02 }\n", "period_s = 2.0\n", 2, "a seed"),
+        ("[load]\nprecompression_n = 1.0\n", "", 2, "pressed together"),
+        ("[orbit]", "[on_site]\ndrag_n_s_per_m = 0.1\n[orbit]", 2, "loses energy"),
+        ("[orbit]", "[integrator]\nmethod = \"gear5\"\n[orbit]", 3, "choose another method"),
+        ("[orbit]", &format!("{drive}[orbit]"), 2, "leave energy_j and amplitude_m out"),
+        ("beads = 41", "beads = 4", 2, "a mode from 1 to 4"),
+        (
+            "[orbit]",
+            "[continue]\nkey = \"orbit.amplitude_m\"\nfrom = 1.0\nto = 1.0\n[orbit]",
+            2,
+            "other than continue.from",
+        ),
+        ("[orbit]", "[continue]\nkey = \"chain[0].no\"\nfrom = 1.0\nto = 2.0\n[orbit]", 2, "no list"),
+    ] {
+        let wrong = text.replace(from, to);
+        assert_ne!(wrong, text, "{from}");
+        place.write("wrong.toml", &wrong);
+        let refused = place.run("orbit wrong.toml --out wrong").exits(code);
+        assert!(refused.stderr().contains(expected), "{expected}: {}", refused.stderr());
+        assert!(!place.path("wrong").exists(), "{expected}");
+    }
+    fs::create_dir(place.path("other")).unwrap();
+    place.write("other/notes.txt", "mine");
+    let refused = place.run("orbit breather.toml --out other").exits(2);
+    assert!(refused.stderr().contains("holds something else"), "{}", refused.stderr());
+    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput"));
+}
