@@ -34,6 +34,9 @@ pub struct Tangents {
     is_ring: bool,
     /// The kick (s) that ends a step and is made together with the one that begins the next; 0 if none is left.
     kick_left_s: f64,
+    /// Stages that no block has made yet, of as many as are used.
+    stages_left: Vec<Stage>,
+    left: usize,
     /// Those of a step of the Runge–Kutta method, for its runs.
     stages: Option<Box<Stages>>,
 }
@@ -56,8 +59,6 @@ struct Masses {
     inverse_resonator: Vec<f64>,
     resonator_kg: Vec<f64>,
     resonator_n_per_m: Vec<f64>,
-    /// `h/m` (s/kg) of both, for the kick that is made.
-    kick_s_per_kg: [Vec<f64>; 2],
 }
 
 /// Reason why a run has no tangent.
@@ -76,7 +77,6 @@ impl Tangents {
             inverse_resonator: sites.resonator_kg.iter().map(inverse).collect(),
             resonator_kg: sites.resonator_kg.clone(),
             resonator_n_per_m: sites.resonator_n_per_m.clone(),
-            kick_s_per_kg: [chain.bead_count(), sites.resonator_kg.len()].map(|count| vec![0.0; count]),
         };
         if let Some(drives) = Drives::of(&physics.drives, physics.dt_s) {
             for d in 0..drives.count() {
@@ -86,8 +86,10 @@ impl Tangents {
             }
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
-        let (blocks, kick_left_s, stages) = (Vec::new(), 0.0, None);
-        let mut none = Self { arch, count: 0, blocks, slopes, masses, is_ring, kick_left_s, stages };
+        let stages_left = vec![Stage::default(); TOGETHER];
+        let (blocks, kick_left_s, left, stages) = (Vec::new(), 0.0, 0, None);
+        let mut none =
+            Self { arch, count: 0, blocks, slopes, masses, is_ring, kick_left_s, stages_left, left, stages };
         none.resize(count);
         none
     }
@@ -240,18 +242,22 @@ impl Tangents {
         }
     }
 
-    /// Makes a kick of `kick_s` and a drift of `drift_s`.
+    /// Makes a kick of `kick_s` and a drift of `drift_s`, when enough stages have come together or somebody looks.
     pub(crate) fn stage(&mut self, kick_s: f64, drift_s: f64) {
         let is_twice = self.kick_left_s == kick_s;
         if is_twice {
             self.kick_left_s = 0.0;
         } else {
-            self.settle();
+            self.make_kick_left();
         }
-        self.masses.set_kick(kick_s);
-        for block in &mut self.blocks {
-            let (slopes, masses) = (&self.slopes, &self.masses);
-            in_vectors(self.arch, Stage { block, slopes, masses, is_ring: self.is_ring, is_twice, drift_s });
+        let Slopes { contacts, springs, .. } = &self.slopes;
+        let stage = &mut self.stages_left[self.left];
+        (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
+        stage.contacts.clone_from(contacts);
+        stage.springs.clone_from(springs);
+        self.left += 1;
+        if self.left == TOGETHER {
+            self.make_stages_left();
         }
     }
 
@@ -260,23 +266,26 @@ impl Tangents {
         self.kick_left_s = kick_s;
     }
 
-    /// Makes the kick that is left, so that the tangents are those of the state.
+    /// Makes what is left, so that the tangents are those of the state.
     pub(crate) fn settle(&mut self) {
+        self.make_kick_left();
+        self.make_stages_left();
+    }
+
+    fn make_kick_left(&mut self) {
         let left_s = std::mem::take(&mut self.kick_left_s);
         if left_s != 0.0 {
             self.stage(left_s, 0.0);
         }
     }
-}
 
-impl Masses {
-    /// Makes `h/m` those of kicks of `kick_s`.
-    fn set_kick(&mut self, kick_s: f64) {
-        let Self { inverse_mass, inverse_resonator, kick_s_per_kg, .. } = self;
-        for (kicks, inverse) in kick_s_per_kg.iter_mut().zip([inverse_mass, inverse_resonator]) {
-            for (kick, inverse) in kicks.iter_mut().zip(inverse) {
-                *kick = kick_s * *inverse;
-            }
+    fn make_stages_left(&mut self) {
+        let stages = &self.stages_left[..std::mem::take(&mut self.left)];
+        if stages.is_empty() {
+            return;
+        }
+        for block in &mut self.blocks {
+            in_vectors(self.arch, Together { block, stages, masses: &self.masses, is_ring: self.is_ring });
         }
     }
 }
@@ -287,40 +296,54 @@ fn dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
     ordered_sum([weights, a, b], |[weight, a, b]| weight * (a * b))
 }
 
-/// A kick, which is made twice where a step ends and the next one begins, and a drift of a block.
-struct Stage<'a> {
-    block: &'a mut Block,
-    slopes: &'a Slopes,
-    masses: &'a Masses,
-    is_ring: bool,
-    is_twice: bool,
+/// Stages that a block makes while it is in the cache.
+const TOGETHER: usize = 12;
+
+/// A kick, which is made twice where a step ends and the next one begins, and a drift, with the slopes at the kick.
+#[derive(Debug, Clone, Default)]
+struct Stage {
+    kick_s: f64,
     drift_s: f64,
+    is_twice: bool,
+    contacts: Vec<f64>,
+    springs: Vec<f64>,
 }
 
-impl WithSimd for Stage<'_> {
+/// Some stages of a block.
+struct Together<'a> {
+    block: &'a mut Block,
+    stages: &'a [Stage],
+    masses: &'a Masses,
+    is_ring: bool,
+}
+
+impl WithSimd for Together<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        for at in (0..LANES).step_by(S::F64_LANES) {
-            self.move_lanes::<S>(simd, at);
+        for stage in self.stages {
+            for at in (0..LANES).step_by(S::F64_LANES) {
+                self.move_lanes::<S>(simd, stage, at);
+            }
         }
     }
 }
 
-impl Stage<'_> {
-    /// Moves the tangents of a register, which begins at number `at` of a group.
+impl Together<'_> {
+    /// Moves the tangents of a register, which begins at number `at` of a group, through a stage.
     #[inline(always)]
-    fn move_lanes<S: Simd>(&mut self, simd: S, at: usize) {
+    fn move_lanes<S: Simd>(&mut self, simd: S, stage: &Stage, at: usize) {
         let [u, v, w, w_v] = &mut self.block.0;
         let beads = u.len();
-        let Masses { resonator_n_per_m, kick_s_per_kg: [kick, kick_resonator], .. } = self.masses;
-        let (u, v, kick) = (&mut u[..beads], &mut v[..beads], &kick[..beads]);
-        let (contacts, springs) = (&self.slopes.contacts[..=beads], &self.slopes.springs[..]);
-        let (w, w_v, kick_resonator) = (&mut w[..], &mut w_v[..], &kick_resonator[..]);
-        let (is_twice, get) = (self.is_twice, |group: &Group<LANES>| load::<S>(&group.0, at));
+        let Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. } = self.masses;
+        let (u, v, inverse_mass) = (&mut u[..beads], &mut v[..beads], &inverse_mass[..beads]);
+        let (contacts, springs) = (&stage.contacts[..=beads], &stage.springs[..]);
+        let (w, w_v) = (&mut w[..], &mut w_v[..]);
+        let (is_twice, kick_s) = (stage.is_twice, stage.kick_s);
+        let get = |group: &Group<LANES>| load::<S>(&group.0, at);
         let splat = |x: f64| simd.splat_f64s(x);
-        let (none, drift) = (splat(0.0), splat(self.drift_s));
+        let (none, drift) = (splat(0.0), splat(stage.drift_s));
         let kicked = |velocity: S::f64s, change: S::f64s| {
             let velocity = simd.add_f64s(velocity, change);
             if is_twice { simd.add_f64s(velocity, change) } else { velocity }
@@ -338,12 +361,12 @@ impl Stage<'_> {
             if i < w.len() {
                 let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
                 net = simd.add_f64s(net, pull);
-                let change = simd.mul_f64s(splat(kick_resonator[i]), simd.sub_f64s(none, pull));
+                let change = simd.mul_f64s(splat(kick_s * inverse_resonator[i]), simd.sub_f64s(none, pull));
                 let velocity = kicked(get(&w_v[i]), change);
                 store::<S>(velocity, &mut w_v[i].0, at);
                 store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
             }
-            let velocity = kicked(get(&v[i]), simd.mul_f64s(splat(kick[i]), net));
+            let velocity = kicked(get(&v[i]), simd.mul_f64s(splat(kick_s * inverse_mass[i]), net));
             store::<S>(velocity, &mut v[i].0, at);
             store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
             (left, here) = (right, next);

@@ -157,9 +157,9 @@ struct Linear {
 /// Derivatives by the step or the parameter.
 struct By {
     number: Number,
-    /// Of the end of each part.
+    /// By that number, the end of each part.
     parts: Vec<Vec<f64>>,
-    /// Of all together.
+    /// All parts together.
     all: DVector<f64>,
 }
 
@@ -526,7 +526,7 @@ fn product(derivatives: &[DMatrix<f64>]) -> DMatrix<f64> {
     all
 }
 
-/// What changes at the ends of parts come to at the end of the last.
+/// Changes at the ends of all parts, as they come to the end of the last one.
 fn together(carried: &Carried, parts: &[Vec<f64>]) -> DVector<f64> {
     let mut all = DVector::zeros(parts[0].len());
     for (derivative, part) in carried.derivatives.iter().zip(parts) {
