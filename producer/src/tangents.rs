@@ -180,35 +180,39 @@ impl Tangents {
         self.orthonormalise(weights);
     }
 
-    /// Makes each tangent orthogonal to those before it and of norm 1 (Gram and Schmidt); gives the norms that they had.
-    pub fn orthonormalise(&mut self, weights: &[f64]) -> Vec<f64> {
+    /// Makes each tangent orthogonal to those before it and of norm 1 (Gram and Schmidt). Gives for each the parts that it had along those
+    /// before it, as they are now, and along itself.
+    pub fn orthonormalise(&mut self, weights: &[f64]) -> Vec<Vec<f64>> {
         let mut all: Vec<Vec<f64>> = (0..self.count).map(|number| self.tangent(number)).collect();
         let arch = self.arch;
-        let norms = (0..all.len()).map(|number| {
+        let parts = (0..all.len()).map(|number| {
             let (before, rest) = all.split_at_mut(number);
             let one = &mut rest[0];
             vectorized(
                 arch,
                 #[inline(always)]
                 || {
+                    let mut parts = Vec::with_capacity(number + 1);
                     for other in before {
                         let part = dot(weights, other, one);
                         one.iter_mut().zip(other).for_each(|(x, y)| *x -= part * *y);
+                        parts.push(part);
                     }
                     let norm = dot(weights, one, one).sqrt();
                     let factor = 1.0 / norm;
                     for x in one.iter_mut() {
                         *x *= factor;
                     }
-                    norm
+                    parts.push(norm);
+                    parts
                 },
             )
         });
-        let norms = norms.collect();
+        let parts = parts.collect();
         for (number, numbers) in all.iter().enumerate() {
             self.put(number, numbers);
         }
-        norms
+        parts
     }
 
     /// Finds the slopes where the beads are at `u_m` and the walls at `walls_m` (m).

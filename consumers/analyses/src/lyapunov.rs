@@ -5,6 +5,7 @@ use consumers::analysis::{
     frame_columns,
 };
 use consumers::series::Series;
+use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::Column;
 use consumers::uncertain::Uncertain;
 use figure::{Axis, Figure, FigureError, Panel};
@@ -51,6 +52,8 @@ pub static OFFER: Offer = Offer {
             "pairing_per_s",
             "largest sum of an exponent and its partner, without its sign, if all were computed",
         ),
+        Meaning::number("gali_2", "volume of two changes of length 1: it falls exponentially in chaos"),
+        Meaning::number("gali_4", "the same of four changes"),
     ],
     // what is computed between two frames cannot be stopped
     needs: Needs { longest_interval_steps: Some(|_| Some(MOST_STEPS)), ..Needs::FRAMES },
@@ -92,8 +95,47 @@ struct Lyapunov {
     state: Option<ChainState>,
     first: u64,
     growth: Growth,
+    alignment: Alignment,
     /// Kept for a figure alone.
-    curves: Option<Vec<Series<1>>>,
+    drawn: Option<Drawn>,
+}
+
+/// Contents of a figure.
+struct Drawn {
+    exponents: Vec<Series<1>>,
+    /// Alignment of two and of four changes.
+    alignments: Vec<Series<1>>,
+    /// The part of each bead in the first change.
+    map: Picture<f32>,
+}
+
+/// Directions of changes that are not made orthogonal, by those that are: columns of length 1, as far as their own number.
+struct Alignment(Vec<Vec<f64>>);
+
+impl Alignment {
+    /// Numbers of changes whose alignment is told.
+    const TOLD: [usize; 2] = [2, 4];
+
+    fn of(count: usize) -> Self {
+        Self((0..count.min(Self::TOLD[1])).map(|number| [vec![0.0; number], vec![1.0]].concat()).collect())
+    }
+
+    /// Goes over an interval, in which changes along the orthogonal ones came to `parts`.
+    fn add(&mut self, parts: &[Vec<f64>]) {
+        for column in &mut self.0 {
+            let along =
+                |to: usize| (to..column.len()).map(|from| parts[from][to] * column[from]).sum::<f64>();
+            let moved: Vec<f64> = (0..column.len()).map(along).collect();
+            let length = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
+            *column = moved.into_iter().map(|x| x / length).collect();
+        }
+    }
+
+    /// The volume that the first `count` directions span, if there are so many.
+    fn of_first(&self, count: usize) -> Option<f64> {
+        let columns = self.0.get(..count)?;
+        Some(columns.iter().filter_map(|column| column.last()).product::<f64>().abs())
+    }
 }
 
 /// Logarithms of the growth of each change.
@@ -180,9 +222,30 @@ impl Lyapunov {
             tangents.resize(count);
             weights = tangents.weights(physics.scales().time_s);
         }
-        let curves = beginning.is_drawn.then(|| vec![Series::default(); count.min(MOST_CURVES)]);
-        let (state, first, growth, has_all) = (None, 0, Growth::of(count), count == most);
-        Ok(Self { manifest, integrator, weights, count, has_all, every, state, first, growth, curves })
+        let extent = || Extent { places: 0..physics.chain().bead_count(), steps: 0..=physics.step_count };
+        let drawn = beginning.is_drawn.then(|| Drawn {
+            exponents: vec![Series::default(); count.min(MOST_CURVES)],
+            alignments: vec![
+                Series::default();
+                Alignment::TOLD.iter().filter(|told| **told <= count).count()
+            ],
+            map: Picture::new(extent()),
+        });
+        let (state, first, growth, alignment) = (None, 0, Growth::of(count), Alignment::of(count));
+        let has_all = count == most;
+        Ok(Self {
+            manifest,
+            integrator,
+            weights,
+            count,
+            has_all,
+            every,
+            state,
+            first,
+            growth,
+            alignment,
+            drawn,
+        })
     }
 
     fn interval_s(&self) -> f64 {
@@ -208,14 +271,30 @@ impl Lyapunov {
                 continue;
             }
             let Some(tangents) = self.integrator.tangents() else { break };
-            let logarithms: Vec<f64> = tangents.orthonormalise(&self.weights).into_iter().map(ln).collect();
-            self.growth.add(&logarithms);
-            let (exponents, time_s) = (self.exponents_per_s(), self.manifest.physics.time_s(state.step));
-            for (curve, exponent) in self.curves.iter_mut().flatten().zip(exponents) {
-                curve.push(time_s, [exponent]);
+            if let Some(drawn) = &mut self.drawn {
+                let shares = shares(&tangents.tangent(0), &self.weights, state.u_m.len());
+                drawn.map.push(state.step, singles(shares));
             }
+            let parts = tangents.orthonormalise(&self.weights);
+            let logarithms: Vec<f64> =
+                parts.iter().filter_map(|parts| parts.last()).map(|norm| ln(*norm)).collect();
+            self.growth.add(&logarithms);
+            self.alignment.add(&parts);
+            self.draw(state.step);
         }
         self.state = Some(state);
+    }
+
+    /// Adds the numbers at `step` to the figure.
+    fn draw(&mut self, step: u64) {
+        let (exponents, time_s) = (self.exponents_per_s(), self.manifest.physics.time_s(step));
+        let Some(drawn) = &mut self.drawn else { return };
+        for (curve, exponent) in drawn.exponents.iter_mut().zip(exponents) {
+            curve.push(time_s, [exponent]);
+        }
+        for (curve, told) in drawn.alignments.iter_mut().zip(Alignment::TOLD) {
+            curve.push(time_s, [self.alignment.of_first(told).unwrap_or(0.0)]);
+        }
     }
 
     /// The sum of the exponents (1/s) above zero.
@@ -272,6 +351,11 @@ impl Analysis for Lyapunov {
             };
             report.words.add(format!("exponent {}", place + 1), shown);
         }
+        for told in Alignment::TOLD {
+            if let Some(volume) = self.alignment.of_first(told) {
+                report.words.add(format!("GALI_{told}"), number(volume));
+            }
+        }
         report.words.add("entropy", format_args!("{} 1/s", number(self.entropy_per_s())));
         if let Some(pairing_per_s) = self.pairing_per_s() {
             report.words.add("pairs add up to", format_args!("{} 1/s", number(pairing_per_s)));
@@ -283,19 +367,32 @@ impl Analysis for Lyapunov {
             "errors_per_s": errors,
             "entropy_per_s": self.entropy_per_s(),
             "pairing_per_s": self.pairing_per_s(),
+            "gali_2": self.alignment.of_first(2),
+            "gali_4": self.alignment.of_first(4),
         });
         Some(report)
     }
 
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
-        let curves = self.curves.take().unwrap_or_default();
+        let Some(Drawn { exponents: curves, alignments, map }) = self.drawn.take() else { return Ok(None) };
         let axis = Axis::new("time (ms)").log();
         let mut panel = Panel::new().x_axis(axis).y_axis(Axis::new("exponent (1/s)")).horizontal("", 0.0);
         for (number, curve) in curves.iter().enumerate() {
             let points = curve.curve(0).map(|(t, value)| (t * 1e3, value)).filter(|(t, _)| *t > 0.0);
             panel = panel.line(format!("λ_{{{}}}", number + 1), points.collect::<Vec<_>>());
         }
-        Ok(Some(Figure::new().caption(plots::caption(&self.manifest)).panel(panel)))
+        let mut figure = Figure::new().caption(plots::caption(&self.manifest)).panel(panel);
+        if !alignments.is_empty() {
+            let axis = Axis::new("time (ms)").log();
+            let mut panel = Panel::new().x_axis(axis).y_axis(Axis::new("alignment").log());
+            for (told, curve) in Alignment::TOLD.iter().zip(&alignments) {
+                let points = curve.curve(0).map(|(t, value)| (t * 1e3, value));
+                let points = points.filter(|(t, value)| *t > 0.0 && *value > 0.0);
+                panel = panel.line(format!("GALI_{{{told}}}"), points.collect::<Vec<_>>());
+            }
+            figure = figure.panel(panel);
+        }
+        Ok(Some(figure.panel(plots::share_map(&self.manifest, "|w_{bead}|/|w|", &map)?)))
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
@@ -307,9 +404,21 @@ impl Analysis for Lyapunov {
             "exponent_error_per_s" => self.growth.error_per_s(0, self.interval_s())?,
             "entropy_per_s" => self.entropy_per_s(),
             "pairing_per_s" => self.pairing_per_s()?,
+            "gali_2" => self.alignment.of_first(2)?,
+            "gali_4" => self.alignment.of_first(4)?,
             _ => return None,
         }))
     }
+}
+
+/// The part of each bead in a change, over its norm: √ of its terms.
+fn shares(change: &[f64], weights: &[f64], beads: usize) -> Vec<f64> {
+    let mut squares = vec![0.0; beads];
+    for (place, (x, weight)) in change.iter().zip(weights).enumerate() {
+        squares[place % beads] += weight * (x * x);
+    }
+    let all: f64 = squares.iter().sum();
+    squares.into_iter().map(|square| (square / all).sqrt()).collect()
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ use consumers::energies::{EnergyRow, Reflection, STATIONARY};
 use consumers::impurity::{Event, EventKind, Motion};
 use consumers::series::Series;
 use consumers::space_time::{Cell, Extent, Picture};
-use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Raster};
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Raster};
 use schemas::manifest::{Physics, RunManifest};
 
 /// The values of a column of [`EnergyRow`] over time.
@@ -264,6 +264,17 @@ pub fn contact_map(
 fn sides<T: Cell>(picture: &Picture<T>) -> (u32, u32) {
     let side = |cells: usize| u32::try_from(cells).unwrap_or(u32::MAX);
     (side(picture.columns()), side(picture.rows()))
+}
+
+/// A map of numbers from 0 to 1 of each bead, which `label` names, over time.
+///
+/// # Errors
+/// When the map cannot be drawn, which is a mistake of ours.
+pub fn share_map(manifest: &RunManifest, label: &str, picture: &Picture<f32>) -> Result<Panel, FigureError> {
+    let (columns, rows) = sides(picture);
+    let cells: Vec<Option<f32>> = picture.cells().collect();
+    let raster = Raster::values(columns, rows, &cells, ColourScale::new(label, 0.0, 1.0))?;
+    Ok(map_panel(manifest, "bead", picture.extent(), raster))
 }
 
 /// A panel with a raster over places and times, time running down.
