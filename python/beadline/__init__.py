@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ._chain import Chain
     from ._fields import FieldArray
     from ._files import Verdict, View
+    from ._orbit import Orbit, orbit
     from ._recording import Recording, State, open
     from ._run import Run, Simulation, preset, presets
     from ._sweep import sweep
@@ -72,6 +73,7 @@ _PLACES = {
         "consumer",
         "live_runs",
     ),
+    "_orbit": ("Orbit", "orbit"),
     "_recording": ("Recording", "State", "open"),
     "_run": ("Run", "Simulation", "preset", "presets"),
     "_sweep": ("sweep",),
@@ -108,6 +110,7 @@ __all__ = [
     "LostError",
     "MissingExtraError",
     "Motion",
+    "Orbit",
     "Pulses",
     "Recording",
     "RecordingError",
@@ -125,6 +128,7 @@ __all__ = [
     "consumer",
     "live_runs",
     "open",
+    "orbit",
     "preset",
     "presets",
     "sweep",

@@ -20,6 +20,7 @@ CHAPTERS = {
     "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
     "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View"],
     "Tables": ["Table", "Motion", "Pulses", "Forces"],
+    "Orbits": ["orbit", "Orbit"],
     "Sweeps": ["sweep"],
     "Live runs": [
         "attach",

@@ -63,7 +63,7 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     place.check()?;
     let stop = signals::stop_flag()?;
     let family = |parameter: f64| file.problem(parameter);
-    let search = Search::begin(&family, file.from(), file.options()).map_err(failure)?;
+    let search = Search::begin(&family, file.from(), file.options(), &stop).map_err(failure)?;
     match file.stretch() {
         None => one(&place, &file, &search, &stop),
         Some(_) => Branch::of(&place, &file, search)?.follow(&stop),
@@ -383,9 +383,9 @@ impl<'a> Branch<'a> {
         let place = self.place;
         let mut table = Table::create(&place.path("branch.csv"), &shown::columns(&self.key), true)?;
         for row in &come.rows {
-            row.iter().for_each(|cell| {
+            for cell in row {
                 table.cell(cell.clone());
-            });
+            }
             table.end_row()?;
         }
         table.finish()?;
@@ -434,10 +434,10 @@ impl<'a> Branch<'a> {
             End::Reached => {}
             End::CameBack => notice!("the branch turns and comes back to its first value"),
             End::Most => {
-                notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len())
+                notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len());
             }
             End::Lost(why) => {
-                notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter))
+                notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter));
             }
             End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
         }

@@ -23,9 +23,9 @@ enum At {
 use At::{Bare, Wait, Work};
 
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
-/// steps, `loaded.mcap` a chain whose modes take long, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
+/// steps, `loaded.mcap` a chain whose modes take long, `slow.toml` an orbit of many steps, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 46] = [
+const LONG: [(&str, At, &[&str]); 47] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -49,6 +49,7 @@ const LONG: [(&str, At, &[&str]); 46] = [
     ("pulses long.mcap --every-step", Work, &[]),
     ("spreading long.mcap --every-step", Work, &[]),
     ("lyapunov long.mcap --exponents 4", Work, &[]),
+    ("orbit slow.toml --out slow", Work, &["slow"]),
     ("deformation long.mcap --contact 3 --every-step", Work, &[]),
     ("forces long.mcap --at bead:3 --every-step", Work, &[]),
     ("spectrum long.mcap --at bead:3 --every-step", Work, &[]),
@@ -204,6 +205,9 @@ fn prepare(place: &Place) {
     place.write("run.toml", &preset.lines().map(longer).collect::<Vec<_>>().join("\n"));
     let sweep = "[base]\npreset = \"striker-3g\"\ntime.duration_s = 1e7\n[grid]\nchain.alpha = [1.5, 2.0]\n";
     place.write("sweep.toml", sweep);
+    let orbit = place.run("orbit --example").exits(0).stdout();
+    let orbit = orbit.split("[continue]").next().unwrap().replace("[orbit]\n", "[orbit]\nsteps = 50000000\n");
+    place.write("slow.toml", &orbit);
     place.write("small.toml", &sweep.replace("1e7", "1e-4"));
     place.run("sweep small.toml --out whole --yes").exits(0);
     let loaded = preset.lines().map(|line| if line.starts_with("beads") { "beads = 4000" } else { line });

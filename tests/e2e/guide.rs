@@ -207,6 +207,11 @@ fn own_consumer() {
 }
 
 #[test]
+fn stability() {
+    read("docs/guide/11-stability.md");
+}
+
+#[test]
 fn questions() {
     read("docs/guide/10-questions.md");
 }

@@ -7,7 +7,7 @@ use std::fs;
 /// An example that the command prints, in a place of its own.
 fn example(name: &str) -> Place {
     let place = Place::new();
-    let text = place.run(&format!("orbit --example {name}")).exits(0).stdout().to_owned();
+    let text = place.run(&format!("orbit --example {name}")).exits(0).stdout();
     place.write(&format!("{name}.toml"), &text);
     place
 }

@@ -4,7 +4,7 @@
 use crate::map::norm;
 use crate::multipliers::{Instability, Multiplier, Multipliers};
 use crate::newton::{Found, NoOrbit, Plane, Unknown};
-use crate::{Orbit, Search};
+use crate::{MapError, Orbit, Search};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
@@ -132,6 +132,7 @@ impl Search<'_> {
                     }
                     at = step;
                 }
+                Err(NoOrbit::Map(MapError::Stopped)) => return Ok(End::Stopped),
                 Err(why) => return Ok(End::Lost(why)),
             }
         }
@@ -144,6 +145,7 @@ impl Search<'_> {
         loop {
             match self.tried(stretch, at, length) {
                 Ok(Some(next)) => return Ok(next),
+                Err(why @ NoOrbit::Map(MapError::Stopped)) => return Err(why),
                 Err(why) if length < 2.0 * SHORTEST => return Err(why),
                 Ok(None) if length < 2.0 * SHORTEST => {
                     return Err(NoOrbit::Chain("the branch turns too sharply to be followed"));

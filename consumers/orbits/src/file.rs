@@ -239,7 +239,7 @@ impl File {
     /// Finds the seed: a mode, or the initial state of the configuration.
     fn find_seed(&mut self) -> Result<(), ConfigError> {
         let mut document = self.document.clone();
-        document.retain(|table, _| !TABLES.iter().any(|ours| *ours == table));
+        document.retain(|table, _| !TABLES.contains(&table));
         let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
         document.entry("time").or_insert(Value::Table(time));
         // the line is that of the key in the file

@@ -14,7 +14,8 @@
 //! let physics = Physics::resolve(&config).unwrap();
 //! let family = |_| Ok(Problem { physics: physics.clone(), asked: Asked::AmplitudeM(0.001) });
 //! let options = Options { period_s: Some(3.63), ..Options::default() };
-//! let orbit = Search::begin(&family, 0.0, options).unwrap().find().unwrap();
+//! let stop = std::sync::atomic::AtomicBool::new(false);
+//! let orbit = Search::begin(&family, 0.0, options, &stop).unwrap().find().unwrap();
 //! assert!((orbit.period_s() - std::f64::consts::TAU / 3.0_f64.sqrt()).abs() < 1e-4);
 //! assert!(orbit.multipliers.unstable().next().is_none());
 //! ```
@@ -37,6 +38,7 @@ use producer::state::ChainState;
 use schemas::chain::Chain;
 use schemas::drive::{Place, Quantity};
 use schemas::manifest::Physics;
+use std::sync::atomic::AtomicBool;
 
 /// The most coordinates, 2N or 4N with resonators, for which matrices are dense.
 pub const MOST_COORDINATES: usize = 2000;
@@ -95,11 +97,16 @@ impl Orbit {
 }
 
 impl<'a> Search<'a> {
-    /// Begins at the initial state of the problem at `parameter`.
+    /// Begins at the initial state of the problem at `parameter`; it is given up when `stop` is set.
     ///
     /// # Errors
     /// When the seed is at rest, or the chain has no orbits, or none that are found in this way.
-    pub fn begin(family: &'a Family<'a>, parameter: f64, options: Options) -> Result<Self, NoOrbit> {
+    pub fn begin(
+        family: &'a Family<'a>,
+        parameter: f64,
+        options: Options,
+        stop: &'a AtomicBool,
+    ) -> Result<Self, NoOrbit> {
         let Problem { physics, asked } = family(parameter)?;
         let chain = physics.chain();
         let is_driven = !physics.drives.is_empty();
@@ -147,7 +154,11 @@ impl<'a> Search<'a> {
         let mut points = vec![coordinates.of_state(&begun)];
         let shift_beads = options.shift_beads;
         let after = |coordinates: &Coordinates, points: &[Vec<f64>], steps: u64| {
-            Map { physics: &physics, coordinates, steps, shift_beads }.carry(physics.dt_s, points, false)
+            Map { physics: &physics, coordinates, steps, shift_beads, stop }.carry(
+                physics.dt_s,
+                points,
+                false,
+            )
         };
         if norm(&points[0]) == 0.0 {
             // a chain at rest that is driven: the size of its motion is that after a period
@@ -173,6 +184,7 @@ impl<'a> Search<'a> {
             coordinates,
             steps,
             shift_beads,
+            stop,
             symmetries: symmetries - usize::from(turns),
             bead: largest.unwrap_or(0),
             units: [physics.dt_s, if parameter == 0.0 { 1.0 } else { parameter.abs() }],

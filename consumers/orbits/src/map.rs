@@ -6,6 +6,7 @@ use producer::state::ChainState;
 use producer::tangents::NoTangent;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{ScopedJoinHandle, available_parallelism, scope};
 
 /// Tangents that one thread carries at least.
@@ -31,6 +32,8 @@ pub(crate) struct Map<'a> {
     pub(crate) steps: u64,
     /// Beads by which the state is displaced at the end, against the direction of their numbers.
     pub(crate) shift_beads: u64,
+    /// Set when the search is to be given up.
+    pub(crate) stop: &'a AtomicBool,
 }
 
 /// States at the ends of parts of a period, and the derivatives by those at their beginnings.
@@ -65,6 +68,9 @@ pub enum MapError {
          ([load] precompression_n), or choose another damping (kuwabara_kono_s)"
     )]
     Jumps,
+    /// Somebody gave it up.
+    #[error("stopped before an orbit was found")]
+    Stopped,
     /// The method has no tangents.
     #[error(transparent)]
     NoTangent(#[from] NoTangent),
@@ -185,7 +191,7 @@ impl Map<'_> {
                 }
                 carried.derivatives.push(derivative);
             } else {
-                advance(&mut Integrator::new(physics), &mut state, each)?;
+                self.advance(&mut Integrator::new(physics), &mut state, each)?;
             }
             carried.ends.push(self.coordinates.of_state(&state));
         }
@@ -202,7 +208,7 @@ impl Map<'_> {
         let physics = Physics { dt_s, ..self.physics.clone() };
         let mut state = ChainState::initial(&physics);
         self.coordinates.put(&points[0], &mut state);
-        advance(&mut Integrator::new(&physics), &mut state, self.steps * points.len() as u64)?;
+        self.advance(&mut Integrator::new(&physics), &mut state, self.steps * points.len() as u64)?;
         Ok(self.coordinates.of_state(&state))
     }
 
@@ -223,7 +229,7 @@ impl Map<'_> {
                 tangents.set(number, &change);
             }
         }
-        advance(&mut integrator, &mut state, steps)?;
+        self.advance(&mut integrator, &mut state, steps)?;
         let mut found = Vec::new();
         if let Some(tangents) = integrator.tangents() {
             if tangents.has_jumped() {
@@ -235,6 +241,26 @@ impl Map<'_> {
             }
         }
         Ok((state, found))
+    }
+
+    /// Advances `state` by so many steps.
+    fn advance(
+        &self,
+        integrator: &mut Integrator,
+        state: &mut ChainState,
+        steps: u64,
+    ) -> Result<(), MapError> {
+        let (start, last) = (state.step, state.step + steps);
+        while state.step < last {
+            integrator.advance(state, last);
+            if integrator.first_non_finite(state).is_some() {
+                return Err(MapError::NotFinite { steps: state.step - start });
+            }
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(MapError::Stopped);
+            }
+        }
+        Ok(())
     }
 
     /// Largest distance, in the units of the coordinates, by which what drives prescribe has moved.
@@ -268,18 +294,6 @@ impl Map<'_> {
             }
         }
     }
-}
-
-/// Advances `state` by so many steps.
-fn advance(integrator: &mut Integrator, state: &mut ChainState, steps: u64) -> Result<(), MapError> {
-    let (start, last) = (state.step, state.step + steps);
-    while state.step < last {
-        integrator.advance(state, last);
-        if integrator.first_non_finite(state).is_some() {
-            return Err(MapError::NotFinite { steps: state.step - start });
-        }
-    }
-    Ok(())
 }
 
 /// √(Σ x²).

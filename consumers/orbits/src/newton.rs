@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector, LU};
 use schemas::config::ConfigError;
 use schemas::manifest::Physics;
 use serde::{Deserialize, Serialize};
+use std::sync::atomic::AtomicBool;
 
 /// Largest distance from the state a period later, over the size of the states.
 pub const TOLERANCE: f64 = 1e-12;
@@ -126,6 +127,8 @@ pub(crate) struct Newton<'a> {
     pub(crate) coordinates: Coordinates,
     pub(crate) steps: u64,
     pub(crate) shift_beads: u64,
+    /// Set when the search is to be given up.
+    pub(crate) stop: &'a AtomicBool,
     /// Coordinates that are unknown, and those whose gaps are made nothing: as many.
     pub(crate) unknown: Vec<usize>,
     pub(crate) closed: Vec<usize>,
@@ -175,7 +178,7 @@ impl Newton<'_> {
     fn map<'b>(&'b self, problem: &'b Problem) -> Map<'b> {
         let steps = if self.turns { self.steps / 2 } else { self.steps };
         let shift_beads = self.shift_beads;
-        Map { physics: &problem.physics, coordinates: &self.coordinates, steps, shift_beads }
+        Map { physics: &problem.physics, coordinates: &self.coordinates, steps, shift_beads, stop: self.stop }
     }
 
     /// `unknown` as numbers of size 1: the first coordinates, the step, the parameter.

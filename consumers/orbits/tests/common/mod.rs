@@ -1,11 +1,14 @@
 //! Orbit files as text, and what is found.
-#![allow(dead_code, reason = "each test file uses a part")]
+#![allow(dead_code, clippy::panic, reason = "each test file uses a part; a test may panic")]
 
 use orbits::branch::{Change, End};
 use orbits::file::File;
 use orbits::{NoOrbit, Orbit, Search};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+static STOP: AtomicBool = AtomicBool::new(false);
 
 pub(crate) struct Branch {
     pub(crate) last: Orbit,
@@ -26,7 +29,7 @@ pub(crate) fn read(toml: &str) -> File {
 pub(crate) fn tried(toml: &str) -> Result<Orbit, NoOrbit> {
     let file = read(toml);
     let family = |parameter: f64| file.problem(parameter);
-    Search::begin(&family, file.from(), file.options())?.find()
+    Search::begin(&family, file.from(), file.options(), &STOP)?.find()
 }
 
 pub(crate) fn find(toml: &str) -> Orbit {
@@ -39,7 +42,7 @@ pub(crate) fn follow(toml: &str) -> Branch {
     let family = |parameter: f64| file.problem(parameter);
     let (_, stretch) = file.stretch().expect("a branch");
     let search =
-        Search::begin(&family, file.from(), file.options()).unwrap_or_else(|error| panic!("{error}"));
+        Search::begin(&family, file.from(), file.options(), &STOP).unwrap_or_else(|error| panic!("{error}"));
     let search = search.along(&stretch);
     let (mut last, mut changes) = (None, Vec::new());
     let end = search.follow(&stretch, None, |step, orbit| {

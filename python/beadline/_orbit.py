@@ -1,0 +1,175 @@
+"""Periodic orbits, their multipliers, and branches of orbits."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._chain import Chain
+from ._command import Json, run_command
+from ._numbers import count, in_si
+from ._recording import Recording
+from ._recording import open as open_recording
+from ._run import Run, _toml
+from ._table import Table, read_csv
+from .errors import CommandError
+
+
+class Orbit:
+    """A periodic orbit, or the end of a branch of them, in a directory of results."""
+
+    def __init__(self, directory: str | os.PathLike[str], summary: Json, text: str) -> None:
+        self._text = text
+        #: The directory.
+        self.path = Path(directory)
+        #: All that the command says.
+        self.summary = summary
+        last = summary.get("last", summary)
+        #: Period (s).
+        self.period_s: float = last["period_s"]
+        #: Energy (J) at its beginning.
+        self.energy_j: float = last["energy_j"]
+        #: The largest displacement (m) at its beginning.
+        self.amplitude_m: float = last["amplitude_m"]
+        #: Distance between the state and that a period later, over its size.
+        self.returns: float = last["returns"]
+        #: True if no multiplier is outside of the unit circle.
+        self.is_stable: bool = last["is_stable"]
+        #: Its multipliers, by descending size.
+        self.multipliers: npt.NDArray[np.complex128] = np.array([complex(one["re"], one["im"]) for one in last["multipliers"]])
+        #: Changes of stability along a branch, in its order.
+        self.changes: list[Json] = summary.get("changes", [])
+
+    @property
+    def recording(self) -> Recording:
+        """One period of it."""
+        return open_recording(self.path / ("last.mcap" if "last" in self.summary else "orbit.mcap"))
+
+    @property
+    def branch(self) -> Table:
+        """The orbits of a branch: the parameter, ``period_s``, ``energy_j``, ``amplitude_m``, ``largest_multiplier``, ``unstable``, ``returns``."""
+        if "last" not in self.summary:
+            raise ValueError("this is one orbit; orbit.continue_ follows it along a parameter")
+        return read_csv(self.path / "branch.csv")
+
+    def continue_(
+        self,
+        key: str,
+        until: float,
+        out: str | os.PathLike[str],
+        *,
+        step: float | None = None,
+        most: int | None = None,
+        force: bool = False,
+    ) -> Orbit:
+        """Follows this orbit along a key, with every change of stability.
+
+        Args:
+            key: A key of a configuration with the table ``orbit``: ``"orbit.energy_j"``, ``"drive[0].displacement_m.sine.amplitude"``.
+            until: The value at which the branch ends. It begins at that of this orbit.
+            out: A directory for the results. A branch that was interrupted goes on there.
+            step: First step, over the whole way; by default 0.02.
+            most: Most orbits; by default 1000.
+            force: Replace the results in the directory.
+
+        Raises:
+            CommandError: If the branch has no first orbit.
+        """
+        config = tomllib.loads(self._text)
+        beginning = self.recording[0]
+        config.pop("striker", None)
+        asked: dict[str, Any] = config.setdefault("orbit", {})
+        asked.pop("mode", None)
+        if "drive" not in config:
+            asked["period_s"] = self.period_s
+        quantities = {
+            "orbit.period_s": self.period_s,
+            "orbit.energy_j": self.energy_j,
+            "orbit.amplitude_m": float(beginning.displacement_m[np.abs(beginning.displacement_m).argmax()]),
+        }
+        if key in quantities:
+            # another quantity may have been asked for
+            for name in ("energy_j", "amplitude_m"):
+                asked.pop(name, None)
+            asked[key.removeprefix("orbit.")] = quantities[key]
+        value: Any = config
+        for part in key.replace("[", ".").replace("]", "").split("."):
+            value = value[int(part)] if part.isdigit() else value[part]
+        config["initial"] = {"displacements_m": beginning.displacement_m.tolist(), "velocities_m_s": beginning.velocity_m_s.tolist()}
+        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most}
+        return _found({**config, "continue": {name: one for name, one in follow.items() if one is not None}}, out, force)
+
+    def __repr__(self) -> str:
+        way = "stable" if self.is_stable else "unstable"
+        return f"Orbit(period_s={self.period_s!r}, energy_j={self.energy_j!r}, {way})"
+
+
+def orbit(
+    run: Run | Chain,
+    out: str | os.PathLike[str],
+    *,
+    period_s: float | None = None,
+    energy_j: float | None = None,
+    amplitude_m: float | None = None,
+    mode: Mapping[str, Any] | None = None,
+    periods: int | None = None,
+    shift_beads: int | None = None,
+    steps: int | None = None,
+    segments: int | None = None,
+    force: bool = False,
+) -> Orbit:
+    """Finds a periodic orbit and its multipliers, as ``beadline orbit`` does.
+
+    Args:
+        run: A chain; or a run, whose beginning is the seed and whose drives give the period.
+        out: A directory for the results.
+        period_s: The period (s); beside another quantity a first guess of it.
+        energy_j: The energy (J), with the period free.
+        amplitude_m: The displacement (m) at the beginning of the bead that the seed displaces most, with the period free.
+        mode: A linear mode as the seed: ``{"number": 22, "displacement_m": 0.02}``, as ``beadline modes`` counts them.
+        periods: Periods of the drive in one of the orbit; by default 1.
+        shift_beads: Beads by which the state is displaced after a period, for waves.
+        steps: Steps of a period; by default those that the run takes for it.
+        segments: Parts into which the period is divided: for very unstable orbits.
+        force: Replace the results in the directory.
+
+    Raises:
+        CommandError: If no orbit is found near the seed; the message has the residuals and what may help.
+        CommandValueError: If the chain has no orbits.
+    """
+    if isinstance(run, Chain):
+        config = tomllib.loads(Run(run, strikers={0: 1.0}, duration_s=1.0).to_toml())
+        del config["striker"], config["time"]
+    else:
+        config = tomllib.loads(run.to_toml())
+    numbers = {"period_s": period_s, "energy_j": energy_j, "amplitude_m": amplitude_m}
+    counts = {"periods": periods, "shift_beads": shift_beads, "steps": steps, "segments": segments}
+    asked: dict[str, Any] = {name: float(in_si(name, one)) for name, one in numbers.items() if one is not None}
+    asked |= {name: count(name, one) for name, one in counts.items() if one is not None}
+    if mode is not None:
+        asked["mode"] = dict(mode)
+    return _found({**config, "orbit": asked}, out, force)
+
+
+def _found(config: Mapping[str, Any], out: str | os.PathLike[str], force: bool) -> Orbit:
+    """The orbit, or the branch, of an orbit file."""
+    text = _toml(config)
+    flags = [f"--out={os.fspath(out)}", *(["--force"] if force else [])]
+    with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+        path = os.path.join(directory, "orbit.toml")
+        Path(path).write_text(text, encoding="utf-8")
+        try:
+            summary = run_command(["orbit", path, *flags])
+        except CommandError as error:
+            # nobody has seen this file
+            error.args = (re.sub(rf"{re.escape(path)}(:\d+)?: ", "", str(error)),)
+            raise
+    return Orbit(out, summary, text)

@@ -1,0 +1,59 @@
+"""Periodic orbits."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beadline as bl
+
+
+def ring(beads: int) -> bl.Chain:
+    return bl.Chain(beads, mass_kg=1.0, bonds={"linear": 1.0, "cubic": 1.0}, left="periodic", right="periodic")
+
+
+def test_an_orbit_of_a_chain_and_where_it_becomes_unstable(tmp_path: Path) -> None:
+    found = bl.orbit(ring(16), tmp_path / "one", energy_j=0.16, mode={"number": 16, "displacement_m": 0.07})
+    assert found.is_stable
+    assert found.energy_j == pytest.approx(0.16, rel=1e-12)
+    assert found.returns < 1e-12
+    # the multipliers of a chain without losses have the product 1
+    assert found.multipliers.shape == (32,)
+    assert np.prod(found.multipliers) == pytest.approx(1.0, abs=1e-6)
+    rec = found.recording
+    assert np.abs(rec[-1].displacement_m - rec[0].displacement_m).max() < 1e-12
+    with pytest.raises(ValueError, match="one orbit"):
+        _ = found.branch
+    branch = found.continue_("orbit.energy_j", 0.3, tmp_path / "branch")
+    (change,) = branch.changes
+    assert change["name"] == "real instability"
+    assert change["parameter"] == pytest.approx(0.218181686716, rel=1e-9)
+    assert not branch.is_stable
+    assert branch.branch["orbit.energy_j"][-1] == 0.3
+
+
+def test_a_driven_chain_follows_its_drive(tmp_path: Path) -> None:
+    chain = bl.Chain(
+        5,
+        mass_kg=1.0,
+        alpha=1.5,
+        stiffness=1.0,
+        left="fixed",
+        right="fixed",
+        precompression_n=1.0,
+        on_site={"drag_n_s_per_m": 0.05},
+    )
+    drive = {"wall": "left", "displacement_m": {"sine": {"amplitude": 0.2, "frequency_hz": 0.3}}}
+    run = bl.Run(chain, drives=[drive], strikers={0: 0.0}, duration_s=10.0)
+    found = bl.orbit(run, tmp_path / "shaken")
+    assert found.period_s == pytest.approx(1 / 0.3)
+    # drag shrinks volumes by exp(−T·Σγ/m)
+    assert abs(np.prod(found.multipliers)) == pytest.approx(np.exp(-0.25 / 0.3), rel=1e-8)
+
+
+def test_an_orbit_that_is_not_there_says_why(tmp_path: Path) -> None:
+    with pytest.raises(bl.CommandError, match="a seed: orbit.mode"):
+        bl.orbit(ring(8), tmp_path / "no", energy_j=1.0)
+    with pytest.raises(bl.CommandError, match="a mode from 1 to 8"):
+        bl.orbit(ring(8), tmp_path / "no", energy_j=1.0, mode={"number": 9, "displacement_m": 0.1})
+    assert not (tmp_path / "no").exists()
