@@ -109,6 +109,11 @@ impl Tangents {
         self.count = count;
     }
 
+    /// Number of tangents.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// Numbers of a tangent: 2N, or 4N with resonators.
     pub fn dimension(&self) -> usize {
         2 * (self.masses.inverse_mass.len() + self.masses.inverse_resonator.len())

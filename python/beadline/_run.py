@@ -23,6 +23,8 @@ from .errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy.typing as npt
+
     from ._native import Doubles
     from ._recording import Recording, State
 
@@ -310,9 +312,27 @@ class Run:
         recording.summary = summary
         return recording
 
-    def start(self) -> Simulation:
-        """The run at its first step, to be made step by step."""
-        return Simulation(self._manifest)
+    def start(self, tangents: npt.ArrayLike | None = None) -> Simulation:
+        """The run at its first step, to be made step by step.
+
+        Args:
+            tangents: Small changes of the state, which are carried with it by the exact derivative of each step: 2N numbers (of all
+                displacements, then of all velocities), or several of these. Resonators have 2N more.
+
+        Raises:
+            ValueError: If there are other numbers, or the method has no derivatives.
+        """
+        return Simulation(self._manifest, tangents)
+
+    def tangent(self, w0: npt.ArrayLike) -> Doubles:
+        """The change of the last state by a small change of the first one: ``run.tangent(w0)`` for 2N numbers, or several of these.
+
+        Raises:
+            ValueError: As :meth:`start`.
+            RunError: If the values are no longer finite.
+        """
+        found = self.start(w0).step(self.steps).tangents
+        return found if np.ndim(w0) == 2 else found[0]
 
     def _begun(self, every: int) -> _native.Manifest:
         return self._manifest.begun(every)
@@ -376,9 +396,10 @@ class Simulation:
     Its arrays are read-only and go on with the run; take a ``.copy()`` of an array that is to stay, or a :meth:`state`.
     """
 
-    def __init__(self, manifest: _native.Manifest) -> None:
+    def __init__(self, manifest: _native.Manifest, tangents: npt.ArrayLike | None = None) -> None:
         self._manifest = manifest
-        self._native = _native.Simulation(manifest)
+        carried = None if tangents is None else np.atleast_2d(np.asarray(tangents, dtype=np.float64)).tolist()
+        self._native = _native.Simulation(manifest, carried)
 
     def step(self, steps: int = 1) -> Simulation:
         """Makes steps, at most up to the end of the run.
@@ -418,6 +439,18 @@ class Simulation:
     def mass_kg(self) -> Doubles:
         """Mass of each bead (kg)."""
         return self._manifest.mass_kg
+
+    @property
+    def tangents(self) -> Doubles:
+        """The changes that it carries, at this step: a row for each.
+
+        Raises:
+            ValueError: If it carries none.
+        """
+        found = self._native.tangents()
+        if found is None:
+            raise ValueError("this run carries no tangents; begin it with run.start(tangents=…)")
+        return np.array(found)
 
     def state(self) -> State:
         """A copy of the state."""

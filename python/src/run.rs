@@ -10,11 +10,12 @@ use numpy::{PyArray1, PyArrayMethods as _};
 use producer::integrator::Integrator;
 use producer::run::{Conductor, RunError, RunOutcome};
 use producer::state::ChainState;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use recording::{RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink};
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Physics, RunManifest};
 use std::convert::Infallible;
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -248,15 +249,23 @@ pub(crate) struct Simulation {
 
 #[pymethods]
 impl Simulation {
+    /// Makes one that carries `tangents` with it, each of as many numbers as a change of the state has.
     #[new]
-    fn new(manifest: &Manifest) -> Self {
+    #[pyo3(signature = (manifest, tangents=None))]
+    fn new(manifest: &Manifest, tangents: Option<Vec<Vec<f64>>>) -> PyResult<Self> {
         let physics = &manifest.run.physics;
-        Self {
-            integrator: Integrator::new(physics),
-            state: ChainState::initial(physics),
-            manifest: Arc::clone(&manifest.run),
-            lent: [None, None],
-        }
+        let integrator = match tangents {
+            None => Integrator::new(physics),
+            Some(tangents) => carrying(physics, &tangents).map_err(PyValueError::new_err)?,
+        };
+        let (state, manifest) = (ChainState::initial(physics), Arc::clone(&manifest.run));
+        Ok(Self { integrator, state, manifest, lent: [None, None] })
+    }
+
+    /// The tangents of the state; none if it carries none.
+    fn tangents(&mut self) -> Option<Vec<Vec<f64>>> {
+        let tangents = self.integrator.tangents()?;
+        Some((0..tangents.count()).map(|number| tangents.tangent(number)).collect())
     }
 
     /// Makes `steps` steps, at most up to the last one of the run; a signal ends it between two steps.
@@ -307,6 +316,24 @@ impl Simulation {
     fn v_m_s(&mut self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
         lend(py, &mut self.lent[1], &self.state.v_m_s)
     }
+}
+
+/// The integrator of a run that carries `tangents`.
+fn carrying(physics: &Physics, tangents: &[Vec<f64>]) -> Result<Integrator, String> {
+    let mut integrator =
+        Integrator::with_tangents(physics, tangents.len()).map_err(|error| error.to_string())?;
+    let Some(carried) = integrator.tangents() else { return Ok(integrator) };
+    for (number, numbers) in tangents.iter().enumerate() {
+        if numbers.len() != carried.dimension() {
+            let (found, expected) = (numbers.len(), carried.dimension());
+            return Err(format!(
+                "tangents: found {found} numbers; expected {expected}: changes of all displacements, then of all velocities (and \
+                 then those of resonators)"
+            ));
+        }
+        carried.set(number, numbers);
+    }
+    Ok(integrator)
 }
 
 fn lend(py: Python<'_>, lent: &mut Option<Py<PyArray1<f64>>>, values: &[f64]) -> PyResult<Py<PyArray1<f64>>> {

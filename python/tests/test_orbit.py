@@ -52,7 +52,7 @@ def test_a_driven_chain_follows_its_drive(tmp_path: Path) -> None:
 
 
 def test_an_orbit_that_is_not_there_says_why(tmp_path: Path) -> None:
-    with pytest.raises(bl.CommandError, match="a seed: orbit.mode"):
+    with pytest.raises(bl.CommandError, match="orbit.mode: found nothing"):
         bl.orbit(ring(8), tmp_path / "no", energy_j=1.0)
     with pytest.raises(bl.CommandError, match="a mode from 1 to 8"):
         bl.orbit(ring(8), tmp_path / "no", energy_j=1.0, mode={"number": 9, "displacement_m": 0.1})

@@ -228,3 +228,27 @@ def test_the_interpreter_goes_on_while_runs_are_made() -> None:
     assert turns > 1000, "this thread had its turns"
     one, other = made
     assert np.array_equal(one[-1].velocity_m_s, other[-1].velocity_m_s)
+
+
+def test_tangents_are_the_change_of_the_last_state() -> None:
+    chain = bl.Chain(8, mass_kg=1e-3, alpha=1.5, stiffness=1e7, left="fixed", right="fixed", precompression_n=20.0)
+    velocities = [0.01, 0.0, -0.02, 0.0, 0.0, 0.01, 0.0, 0.0]
+
+    def ended(change: float) -> np.ndarray:
+        changed = [velocities[0], velocities[1] + change, *velocities[2:]]
+        run = bl.Run(chain, initial=(np.zeros(8), changed), duration_s=1e-3, dt_s=1e-6)
+        state = run.start().step(run.steps).state()
+        return np.concatenate([state.displacement_m, state.velocity_m_s])
+
+    run = bl.Run(chain, initial=(np.zeros(8), velocities), duration_s=1e-3, dt_s=1e-6)
+    w0 = np.zeros(16)
+    w0[9] = 1.0
+    w = run.tangent(w0)
+    assert np.allclose(w, (ended(1e-6) - ended(-1e-6)) / 2e-6, rtol=1e-6, atol=1e-9 * np.abs(w).max())
+    both = run.tangent(np.array([w0, 2 * w0]))
+    assert both.shape == (2, 16)
+    assert (both == np.array([w, 2 * w])).all()
+    with pytest.raises(ValueError, match="expected 16"):
+        run.tangent(np.zeros(3))
+    with pytest.raises(ValueError, match="carries no tangents"):
+        _ = run.start().tangents

@@ -36,6 +36,8 @@ const EXAMPLES: [(&str, &str); 3] = [
 /// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
 const SIGN: &str = "orbit.toml";
 const JOURNAL: &str = "branch.journal";
+/// The summary, which is written last.
+const REPORT: &str = "orbit.json";
 
 /// Columns of a journal behind those of a branch, as JSON: the place on the branch, the change of stability before it.
 const KEPT: [&str; 2] = ["step", "change"];
@@ -92,7 +94,9 @@ impl Place<'_> {
         let found = fs::read_to_string(&sign).ok();
         let is_empty = fs::read_dir(self.out).map_or(true, |mut entries| entries.next().is_none());
         let is_ours = found.as_deref() == Some(self.text);
-        if is_empty || self.args.force && found.is_some() || is_ours && self.out.join(JOURNAL).exists() {
+        // a branch that has ended is told again
+        let is_unfinished = self.out.join(JOURNAL).exists() || !self.out.join(REPORT).exists();
+        if is_empty || self.args.force && found.is_some() || is_ours && is_unfinished {
             return Ok(());
         }
         let why = match found {
@@ -157,12 +161,12 @@ fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -
     place.write_multipliers(&orbit.multipliers)?;
     place.draw("multipliers.png", &shown::multipliers(words(&orbit), &orbit.multipliers))?;
     let told = told(&orbit);
-    let json = place.path("orbit.json");
+    let json = place.path(REPORT);
     fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
     report(place.args.json, &told, || {
         let mut rows = Rows::default();
         add_rows(&mut rows, &orbit);
-        let files = ["orbit.mcap", "multipliers.csv", "multipliers.png", "orbit.json"];
+        let files = ["orbit.mcap", "multipliers.csv", "multipliers.png", REPORT];
         let files = files.iter().filter(|name| is_recorded || **name != "orbit.mcap");
         rows.each("results", files.map(|name| place.path(name).display().to_string()));
         rows.under(format_args!("orbit of {}", place.args.file.as_deref().unwrap_or(place.out).display()))
@@ -409,7 +413,7 @@ impl<'a> Branch<'a> {
         let told = json!({
             "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last),
         });
-        let json = place.path("orbit.json");
+        let json = place.path(REPORT);
         fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
         report(place.args.json, &told, || {
             let mut rows = Rows::default();
@@ -426,7 +430,7 @@ impl<'a> Branch<'a> {
             );
             add_rows(&mut rows, last);
             let files =
-                ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", "orbit.json"];
+                ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", REPORT];
             rows.each("results", files.map(|name| place.path(name).display().to_string()));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;

@@ -91,6 +91,10 @@ fn an_interrupted_branch_goes_on_to_the_same_bytes() {
             ["whole", "parts"].map(|directory| fs::read(place.path(directory).join(file)).unwrap());
         assert!(whole == parts, "{file}");
     }
+    // one that has ended is told again
+    place.run("orbit fput.toml --out parts").exits(0);
+    let rows = |directory: &str| fs::read(place.path(directory).join("branch.csv")).unwrap();
+    assert!(rows("whole") == rows("parts"));
     let found = place.run("orbit fput.toml --out parts --force --json").exits(0).json();
     let changes = changes(&found);
     assert!(changes.len() == 1 && (changes[0].1 - 0.218_181_686_716).abs() < 1e-9, "{changes:?}");

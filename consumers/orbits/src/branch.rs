@@ -30,6 +30,10 @@ pub struct Step {
     direction: Vec<f64>,
     /// Length of the next step.
     length: f64,
+    /// Its number, from 0.
+    number: usize,
+    /// True if the branch ends there.
+    is_last: bool,
 }
 
 /// A change of stability on a branch.
@@ -115,20 +119,25 @@ impl Search<'_> {
                 *last = (stretch.to - stretch.from).signum();
             }
             let direction = self.newton.direction(&found, &forward)?;
-            let step = Step { unknown: found.unknown.clone(), direction, length: stretch.step };
+            let (unknown, length) = (found.unknown.clone(), stretch.step);
+            let step = Step { unknown, direction, length, number: 0, is_last: false };
             if look(&step, &self.orbit(found)?).is_break() {
                 return Ok(End::Stopped);
             }
             step
         };
-        for _ in 1..stretch.most {
+        loop {
+            if at.is_last {
+                let is_reached = at.unknown.parameter == stretch.to;
+                return Ok(if is_reached { End::Reached } else { End::CameBack });
+            }
+            if at.number + 1 >= stretch.most {
+                return Ok(End::Most);
+            }
             match self.next(stretch, &at) {
-                Ok((step, found, end)) => {
+                Ok((step, found)) => {
                     if look(&step, &self.orbit(found)?).is_break() {
                         return Ok(End::Stopped);
-                    }
-                    if let Some(end) = end {
-                        return Ok(end);
                     }
                     at = step;
                 }
@@ -136,11 +145,10 @@ impl Search<'_> {
                 Err(why) => return Ok(End::Lost(why)),
             }
         }
-        Ok(End::Most)
     }
 
-    /// The next orbit of a branch, and its end, if that is there.
-    fn next(&self, stretch: &Stretch, at: &Step) -> Result<(Step, Found, Option<End>), NoOrbit> {
+    /// The next orbit of a branch.
+    fn next(&self, stretch: &Stretch, at: &Step) -> Result<(Step, Found), NoOrbit> {
         let mut length = at.length;
         loop {
             match self.tried(stretch, at, length) {
@@ -156,12 +164,7 @@ impl Search<'_> {
     }
 
     /// The orbit after a step of `length`; none if the branch turns too far in it.
-    fn tried(
-        &self,
-        stretch: &Stretch,
-        at: &Step,
-        length: f64,
-    ) -> Result<Option<(Step, Found, Option<End>)>, NoOrbit> {
+    fn tried(&self, stretch: &Stretch, at: &Step, length: f64) -> Result<Option<(Step, Found)>, NoOrbit> {
         let newton = &self.newton;
         let from = newton.numbers(&at.unknown);
         let through: Vec<f64> = from.iter().zip(&at.direction).map(|(x, d)| x + length * d).collect();
@@ -171,12 +174,13 @@ impl Search<'_> {
         let parameter = found.unknown.parameter;
         let beyond =
             |limit: f64, sign: f64| (parameter - limit) * (stretch.to - stretch.from).signum() * sign >= 0.0;
-        for (limit, sign, end) in [(stretch.to, 1.0, End::Reached), (stretch.from, -1.0, End::CameBack)] {
+        let number = at.number + 1;
+        for (limit, sign) in [(stretch.to, 1.0), (stretch.from, -1.0)] {
             if beyond(limit, sign) {
                 let guess = self.between(&at.unknown, &found.unknown, limit)?;
                 let found = newton.find(&guess, None)?;
-                let step = Step { unknown: found.unknown.clone(), ..at.clone() };
-                return Ok(Some((step, found, Some(end))));
+                let step = Step { unknown: found.unknown.clone(), number, is_last: true, ..at.clone() };
+                return Ok(Some((step, found)));
             }
         }
         let direction = newton.direction(&found, &at.direction)?;
@@ -187,8 +191,8 @@ impl Search<'_> {
         let grown = if found.residuals.len() <= FEW { 1.5 * length } else { length };
         // over the size of the orbits, which the seed was not yet of
         let longest = LONGEST * stretch.step * norm(&found.unknown.points[0]).max(1.0);
-        let step = Step { unknown: found.unknown.clone(), direction, length: grown.min(longest) };
-        Ok(Some((step, found, None)))
+        let (unknown, length) = (found.unknown.clone(), grown.min(longest));
+        Ok(Some((Step { unknown, direction, length, number, is_last: false }, found)))
     }
 
     /// `unknown`, moved from the numbers `from` to `to`; further parts of the period follow the flow.

@@ -252,8 +252,8 @@ impl File {
         let beads = usize::try_from(config.chain.beads).unwrap_or(0);
         let Some(mode) = self.written.mode else {
             if config.initial.is_none() && config.drive.is_empty() && config.striker.velocity_m_s == 0.0 {
-                let allowed = "a seed: orbit.mode = { number, displacement_m }, [initial] or [striker]";
-                return Err(refused("initial", "nothing", allowed));
+                let allowed = "a seed: { number, displacement_m } of a mode; or [initial], or [striker]";
+                return Err(refused("orbit.mode", "nothing", allowed));
             }
             let (u_m, v_m_s) = Physics::resolve(&config)?.initial_state();
             let velocities_m_s = if v_m_s.iter().all(|v| *v == 0.0) { Vec::new() } else { v_m_s };
@@ -307,4 +307,48 @@ fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
 struct Tables {
     orbit: Option<Written>,
     r#continue: Option<Continue>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<File, ConfigError> {
+        File::read(Path::new("orbit.toml"), text, |config, _| Ok(config))
+    }
+
+    const RING: &str = "chain = { beads = 16, bead_mass_kg = 1.0, bonds = { linear = 1.0, cubic = 1.0 } }\n\
+        ends = { left = 'periodic', right = 'periodic' }\n";
+
+    #[test]
+    fn the_documented_orbit_is_one() {
+        let page = include_str!("../../../docs/CONFIGURATION.md");
+        let section = page.split("## Orbits").nth(1).expect("the section");
+        let block =
+            section.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+        let file = read(&format!("{RING}{block}")).expect("valid");
+        let (key, stretch) = file.stretch().expect("a branch");
+        assert_eq!((key, stretch.from, stretch.to, stretch.most), ("orbit.energy_j", 0.16, 0.3, 1000));
+        assert_eq!(file.problem(0.2).expect("a problem").asked, Asked::EnergyJ(0.2));
+    }
+
+    #[test]
+    fn errors_have_the_line_of_the_key() {
+        for (text, expected) in [
+            (format!("{RING}[orbit]\nperiod_s = -1.0\n"), "orbit.toml:4: orbit.period_s"),
+            (
+                format!("{RING}[orbit]\nmode = {{ number = 17, displacement_m = 1.0 }}\n"),
+                "orbit.toml:4: orbit.mode.number",
+            ),
+            (format!("{RING}[orbit]\nsegments = 0\n"), "orbit.toml:4: orbit.segments"),
+            (
+                RING.replace("beads = 16", "beads = 1")
+                    + "[orbit]\nmode = { number = 1, displacement_m = 1.0 }\n",
+                "orbit.toml:1: chain.beads",
+            ),
+        ] {
+            let Err(error) = read(&text) else { unreachable!("{text}") };
+            assert!(error.to_string().starts_with(expected), "{error}");
+        }
+    }
 }

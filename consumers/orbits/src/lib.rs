@@ -179,6 +179,7 @@ impl<'a> Search<'a> {
         let newton = Newton {
             unknown: if turns { displacements } else { all.clone() },
             turns,
+            moves_by_itself: !is_driven,
             closed: if turns { velocities } else { all },
             family,
             coordinates,
@@ -205,6 +206,10 @@ impl<'a> Search<'a> {
     /// The orbit that has been found.
     fn orbit(&self, found: Found) -> Result<Orbit, NoOrbit> {
         let Found { unknown, monodromy, residuals } = found;
+        if self.newton.is_at_rest(&unknown) {
+            let why = "Newton's method came to rest: rest is an orbit of any period; begin with a larger amplitude, or ask for one (amplitude_m)";
+            return Err(NoOrbit::Chain(why));
+        }
         let problem = (self.newton.family)(unknown.parameter)?;
         let multipliers = Multipliers::of(monodromy, self.trivial, self.is_conservative);
         let multipliers = multipliers

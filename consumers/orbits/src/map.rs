@@ -281,14 +281,18 @@ impl Map<'_> {
             return;
         }
         let from = self.coordinates.displaced(self.shift_beads, chain.is_ring);
+        // beads of other masses have other units
+        let unit = &self.coordinates.unit;
+        let factor = |to: usize| from[to].map(|from| (from, unit[from] / unit[to]));
         if let Some(end) = carried.ends.last_mut() {
-            *end = from.iter().map(|from| from.map_or(0.0, |from| end[from])).collect();
+            let at = |to| factor(to).map_or(0.0, |(from, factor)| end[from] * factor);
+            *end = (0..end.len()).map(at).collect();
         }
         if let Some(derivative) = carried.derivatives.last_mut() {
             let rows = derivative.clone();
-            for (to, from) in from.iter().enumerate() {
-                match from {
-                    Some(from) => derivative.set_row(to, &rows.row(*from)),
+            for to in 0..from.len() {
+                match factor(to) {
+                    Some((from, factor)) => derivative.set_row(to, &(rows.row(from) * factor)),
                     None => derivative.row_mut(to).fill(0.0),
                 }
             }

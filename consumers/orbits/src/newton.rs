@@ -134,6 +134,8 @@ pub(crate) struct Newton<'a> {
     pub(crate) closed: Vec<usize>,
     /// True if the motion goes back from the half of the period on: the unknown are displacements, the others velocities.
     pub(crate) turns: bool,
+    /// True if nothing drives the chain.
+    pub(crate) moves_by_itself: bool,
     /// Directions among the unknown in which an orbit can be displaced.
     pub(crate) symmetries: usize,
     /// The bead whose displacement is an amplitude.
@@ -195,6 +197,12 @@ impl Newton<'_> {
             Asked::EnergyJ(_) | Asked::AmplitudeM(_) => unknown.dt_s,
         };
         Ok((problem, Unknown { dt_s, parameter, points: unknown.points.clone() }))
+    }
+
+    /// True if nothing moves, or time does not pass, where a chain moves by itself.
+    pub(crate) fn is_at_rest(&self, unknown: &Unknown) -> bool {
+        let is_still = norm(&unknown.points[0]) < 1e-6;
+        self.moves_by_itself && (is_still || unknown.dt_s <= 0.0)
     }
 
     /// Distance, over the size of what is asked for, from what is asked for; none of a period.

@@ -12,6 +12,7 @@ mod chains;
 mod child;
 mod dynamics;
 mod memory;
+mod orbits;
 mod part;
 mod peers;
 mod recordings;
@@ -96,7 +97,7 @@ impl Group {
 }
 
 /// Every group, in the order of the table.
-const GROUPS: [Group; 8] = [
+const GROUPS: [Group; 9] = [
     Group {
         name: "dynamics",
         about: "steps of the chain against a plain loop, and along its length",
@@ -127,6 +128,11 @@ const GROUPS: [Group; 8] = [
         name: "sweep",
         about: "a grid of runs on two cores against one, and a point against its dynamics",
         measure: sweep::rows,
+    },
+    Group {
+        name: "orbits",
+        about: "periodic orbits and branches of them against the time that they may take",
+        measure: orbits::rows,
     },
     Group {
         name: "peers",

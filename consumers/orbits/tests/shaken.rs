@@ -1,0 +1,119 @@
+//! States of shaken chains with losses against what runs of such chains come to by themselves.
+
+mod common;
+
+use common::find;
+use orbits::multipliers::Multiplier;
+use producer::integrator::Integrator;
+use producer::state::ChainState;
+use schemas::manifest::Physics;
+
+/// Periods after which a run has come to the motion that stays.
+const PERIODS: u64 = 150;
+const STEPS: u64 = 100;
+
+const LOSSES: [(&str, &str); 5] = [
+    ("drag", "on_site.drag_n_s_per_m = 8.0"),
+    ("dashpots", "damping.viscous_n_s_per_m = 8.0"),
+    ("restitution", "damping.restitution = 0.6"),
+    ("viscoelastic spheres", "damping.kuwabara_kono_s = 8e-6"),
+    (
+        "a power of damping, and drag",
+        "damping.power = { coefficient = 300.0, exponent = 0.7 }\non_site.drag_n_s_per_m = 4.0",
+    ),
+];
+
+const DRIVES: [(&str, &str); 4] = [
+    (
+        "a wall",
+        "wall = 'left', displacement_m = { sine = { amplitude = 2e-6, frequency_hz = 2000.0, phase_rad = 0.4 } }",
+    ),
+    ("a bead that is pushed", "bead = 1, force_n = { sine = { amplitude = 2.0, frequency_hz = 2000.0 } }"),
+    (
+        "a bead that is moved",
+        "bead = 1, displacement_m = { sine = { amplitude = 2e-6, frequency_hz = 2000.0 } }",
+    ),
+    (
+        "a velocity",
+        "bead = 0, velocity_m_s = { sine = { amplitude = 0.02, frequency_hz = 2000.0, phase_rad = 1.5707963267948966 } }",
+    ),
+];
+
+const CHAINS: [(&str, &str); 4] = [
+    ("one power", "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0"),
+    (
+        "two masses and powers",
+        "masses = { pattern_kg = [1e-3, 3e-3] }, second = { alpha = 2.5, stiffness = 1e10 }, alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0",
+    ),
+    (
+        "springs and resonators",
+        "alpha = 1.5, stiffness = 1e7 | load.precompression_n = 20.0 | on_site.linear_n_per_m = 1e5 | resonators = { mass_kg = 4e-4, stiffness_n_per_m = 3e5 }",
+    ),
+    ("bonds", "bonds = { linear = 1e5, cubic = 1e14 } | "),
+];
+
+#[test]
+fn a_run_comes_to_the_orbit_that_is_found() {
+    let mut tried = 0;
+    for (chain_name, chain) in CHAINS {
+        for (loss_name, loss) in LOSSES {
+            for (drive_name, drive) in DRIVES {
+                for beads in [2, 5] {
+                    let what = format!("{chain_name}, {loss_name}, {drive_name}, {beads} beads");
+                    // bonds and several powers have dashpots, or drag
+                    let is_one_power = chain.starts_with("alpha");
+                    if !is_one_power && !["drag", "dashpots"].contains(&loss_name) {
+                        continue;
+                    }
+                    let mut parts = chain.split(" | ");
+                    let arrays = parts.next().expect("a chain");
+                    let toml = format!(
+                        "chain = {{ beads = {beads}, bead_mass_kg = 1e-3, {arrays} }}\nends = {{ left = 'fixed', right = 'fixed' }}\n{}\n\
+                         {loss}\ndrive = [{{ {drive} }}]\norbit = {{ steps = {STEPS} }}",
+                        parts.collect::<Vec<_>>().join("\n")
+                    );
+                    let orbit = find(&toml);
+                    let expected = settled(&orbit.physics);
+                    let numbers = |state: &ChainState| {
+                        let resonators = if orbit.physics.resonators.is_some() { 2 * beads } else { 0 };
+                        let extra = state.extra.iter().take(resonators);
+                        state.u_m.iter().chain(state.v_m_s.iter()).chain(extra).copied().collect::<Vec<f64>>()
+                    };
+                    let (found, expected) = (numbers(&orbit.state), numbers(&expected));
+                    let units = |place: usize| if (place / beads).is_multiple_of(2) { 2e-6 } else { 0.02 };
+                    let most = orbit.multipliers.largest().map_or(0.0, Multiplier::size).powi(150);
+                    for (place, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                        let error = (found - expected).abs() / units(place);
+                        // differences fade by the largest multiplier in each period
+                        assert!(
+                            error < 1e-8 + 10.0 * most,
+                            "{what}, {place}: {found} for {expected}, {most:e} of a difference is left"
+                        );
+                    }
+                    // some motions hardly fade: a resonator in a bead that is moved, between others
+                    tried += usize::from(most < 1e-4);
+                }
+            }
+        }
+    }
+    assert!(tried > 80, "{tried}");
+}
+
+/// The state of a run from rest after many periods of its drive, at the beginning of one.
+fn settled(physics: &Physics) -> ChainState {
+    let mut state = ChainState::initial(physics);
+    let (mut integrator, last) = (Integrator::new(physics), PERIODS * STEPS);
+    while state.step < last {
+        integrator.advance(&mut state, last);
+    }
+    state
+}
+
+#[test]
+fn dashpots_that_open_are_refused() {
+    let toml = "chain = { beads = 5, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }\nends = { left = 'fixed', right = 'fixed' }\n\
+        damping.viscous_n_s_per_m = 8.0\nload.precompression_n = 0.1\norbit = {}\n\
+        drive = [{ wall = 'left', displacement_m = { sine = { amplitude = 2e-4, frequency_hz = 2000.0 } } }]";
+    let refused = common::tried(toml).expect_err("a jump").to_string();
+    assert!(refused.contains("its force jumps"), "{refused}");
+}
