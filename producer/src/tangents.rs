@@ -9,6 +9,7 @@
 //! how many there are nor on where anyone looks.
 
 mod runge;
+mod single;
 pub(crate) mod slopes;
 
 use crate::drives::{Acts, Drives};
@@ -20,7 +21,9 @@ use schemas::manifest::Physics;
 use schemas::method::Method;
 use schemas::philox::uniform;
 use schemas::simd::{Group, LANES, in_vectors, load, ordered_sum, store, vectorized};
+use single::Single;
 use slopes::Slopes;
+use std::ops::Range;
 
 /// Changes of the state of a run, each of [`dimension`](Self::dimension) numbers: of the displacements of all beads (m), their velocities
 /// (m/s), and, where they have resonators, of the displacements and velocities of those.
@@ -29,6 +32,8 @@ pub struct Tangents {
     arch: Arch,
     count: usize,
     blocks: Vec<Block>,
+    /// The tangent where it is the only one, in place of a block.
+    single: Option<Single>,
     slopes: Slopes,
     masses: Masses,
     is_ring: bool,
@@ -87,9 +92,20 @@ impl Tangents {
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
         let stages_left = vec![Stage::default(); TOGETHER];
-        let (blocks, kick_left_s, left, stages) = (Vec::new(), 0.0, 0, None);
-        let mut none =
-            Self { arch, count: 0, blocks, slopes, masses, is_ring, kick_left_s, stages_left, left, stages };
+        let (blocks, single, kick_left_s, left, stages) = (Vec::new(), None, 0.0, 0, None);
+        let mut none = Self {
+            arch,
+            count: 0,
+            blocks,
+            slopes,
+            masses,
+            is_ring,
+            kick_left_s,
+            stages_left,
+            left,
+            stages,
+            single,
+        };
         none.resize(count);
         none
     }
@@ -97,16 +113,23 @@ impl Tangents {
     /// Carries them through the stages of a Runge–Kutta method with these weights, in a run of `chain`.
     pub(crate) fn in_stages<const N: usize>(self, chain: &Chain, weights: &[[f64; N]; N]) -> Self {
         let stages = Some(Box::new(Stages::of(chain, &self.slopes, weights)));
-        Self { stages, ..self }
+        let wanted = self.count;
+        let mut these = Self { stages, single: None, count: 0, ..self };
+        these.resize(wanted);
+        these
     }
 
     /// Makes them so many; new ones are zero.
     pub fn resize(&mut self, count: usize) {
         let [beads, resonators] = [&self.masses.inverse_mass, &self.masses.inverse_resonator]
             .map(|numbers| vec![NONE; numbers.len()]);
+        let kept: Vec<_> = (0..count.min(self.count)).map(|number| self.tangent(number)).collect(); // integers
+        let is_single = count == 1 && self.stages.is_none();
+        self.single = is_single.then(|| Single::zero(beads.len(), resonators.len()));
         let block = Block([beads.clone(), beads, resonators.clone(), resonators]);
-        self.blocks.resize(count.div_ceil(LANES), block);
+        self.blocks = vec![block; if is_single { 0 } else { count.div_ceil(LANES) }];
         self.count = count;
+        kept.iter().enumerate().for_each(|(number, numbers)| self.put(number, numbers));
     }
 
     /// Number of tangents.
@@ -125,6 +148,9 @@ impl Tangents {
     /// When there are not so many.
     pub fn tangent(&self, number: usize) -> Vec<f64> {
         assert!(number < self.count, "{number} of {} tangents", self.count);
+        if let Some(single) = &self.single {
+            return single.rows.concat();
+        }
         let rows = &self.blocks[number / LANES].0;
         rows.iter().flatten().map(|group| group.0[number % LANES]).collect()
     }
@@ -142,6 +168,10 @@ impl Tangents {
     }
 
     fn put(&mut self, number: usize, numbers: &[f64]) {
+        if let Some(single) = &mut self.single {
+            single.rows.iter_mut().flatten().zip(numbers).for_each(|(to, x)| *to = *x);
+            return;
+        }
         let rows = &mut self.blocks[number / LANES].0;
         for (group, x) in rows.iter_mut().flatten().zip(numbers) {
             group.0[number % LANES] = *x;
@@ -220,13 +250,13 @@ impl Tangents {
         parts
     }
 
-    /// Finds the slopes where the beads are at `u_m` and the walls at `walls_m` (m).
-    pub(crate) fn look(&mut self, u_m: &[f64], walls_m: [f64; 2]) {
+    /// Finds the slopes at `beads`, those that have moved since a look at all of them, where the beads are at `u_m` and the walls at `walls_m` (m).
+    pub(crate) fn look(&mut self, u_m: &[f64], walls_m: [f64; 2], beads: &Range<usize>) {
         let slopes = &mut self.slopes;
         vectorized(
             self.arch,
             #[inline(always)]
-            || slopes.find(u_m, walls_m, &(0..u_m.len())),
+            || slopes.find(u_m, walls_m, beads),
         );
     }
 
@@ -292,6 +322,9 @@ impl Tangents {
         let stages = &self.stages_left[..std::mem::take(&mut self.left)];
         if stages.is_empty() {
             return;
+        }
+        if let Some(single) = &mut self.single {
+            single.make(self.arch, stages, &self.masses, self.is_ring);
         }
         for block in &mut self.blocks {
             in_vectors(self.arch, Together { block, stages, masses: &self.masses, is_ring: self.is_ring });

@@ -47,7 +47,7 @@ impl Splitting {
             self.drift_with(others, drift_s, when, state);
             if let Some(tangents) = &mut self.tangents {
                 tangents.stage(b * dt_s, drift_s);
-                tangents.look(&state.u_m, others.walls_m());
+                tangents.look(&state.u_m, others.walls_m(), &self.kernel.active_beads());
             }
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
@@ -147,7 +147,7 @@ impl Splitting {
         self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         if let Some(tangents) = &mut self.tangents {
             tangents.settle();
-            tangents.look(&state.u_m, others.walls_m());
+            tangents.look(&state.u_m, others.walls_m(), &(0..state.u_m.len()));
         }
     }
 
