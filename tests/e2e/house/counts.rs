@@ -13,7 +13,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 7_250),
+    ("producer", 7_350),
     ("consumers", 5_950),
     ("consumers/analyses", 3_100),
     ("consumers/experiments", 1_260),
