@@ -165,8 +165,7 @@ class Run:
         for key, value in values.items():
             place: Any = config
             try:
-                names = re.findall(r"[^.\[\]]+", key)
-                *parts, last = [int(name) if name.isdecimal() else name for name in names]
+                *parts, last = parts_of(key)
                 for part in parts:
                     place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
                 place[last] = value
@@ -460,6 +459,11 @@ class Simulation:
 
     def __repr__(self) -> str:
         return f"<Simulation of {self._manifest.name} at step {self.step_number} of {self._manifest.step_count}>"
+
+
+def parts_of(key: str) -> list[str | int]:
+    """Names and numbers of a key: ``chain``, ``impurities``, 0 and ``mass_kg`` of ``chain.impurities[0].mass_kg``."""
+    return [int(name) if name.isdecimal() else name for name in re.findall(r"[^.\[\]]+", key)]
 
 
 def presets() -> dict[str, str]:

@@ -12,7 +12,7 @@ use std::path::PathBuf;
     An orbit file is a configuration with a table [orbit]: period_s, energy_j or amplitude_m, and a seed: mode, [initial] or [striker]. A \
     drive gives the period itself. The step divides the period. Newton's method changes the state at the beginning until it comes back, with the exact \
     derivative of the steps. [continue] follows the orbits along a key and finds where they become unstable. The same command goes on \
-    with a branch that was interrupted. Exit code 3: no orbit was found, or the branch ends before its last value.")]
+    with a branch that was interrupted. Exit code 3: no orbit was found, the branch ends before its last value, or a change of stability on it was not located.")]
 pub(crate) struct OrbitArgs {
     /// A configuration with [orbit]
     #[arg(value_name = "ORBIT.toml", required_unless_present = "example")]

@@ -16,10 +16,11 @@ use figure::Figure;
 use orbits::branch::{Change, End, Step};
 use orbits::file::File;
 use orbits::multipliers::Multipliers;
-use orbits::{NoOrbit, Orbit, Search, shown};
+use orbits::shown::Mark;
+use orbits::{MapError, NoOrbit, Orbit, Search, shown};
 use schemas::amounts::{number, quantity};
 use schemas::manifest::RunManifest;
-use schemas::whole_file::create_directory;
+use schemas::whole_file::{self, create_directory};
 use serde_json::{Value, json};
 use std::fs;
 use std::ops::ControlFlow;
@@ -115,8 +116,7 @@ impl Place<'_> {
         if self.args.force || fs::read_to_string(&sign).ok().as_deref() != Some(self.text) {
             let _ = fs::remove_file(self.out.join(JOURNAL));
         }
-        fs::write(&sign, self.text).with_context(|| sign.display().to_string())?;
-        Ok(())
+        Ok(whole_file::write(&sign, self.text.as_bytes(), true)?)
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -127,8 +127,8 @@ impl Place<'_> {
         Ok(figure.write(&self.path(name), self.args.look.options(), true)?)
     }
 
-    /// Records one period of `orbit`; false if no run begins as it does.
-    fn record(&self, file: &File, orbit: &Orbit, name: &str, stop: &AtomicBool) -> Result<bool, Failure> {
+    /// Records one period of `orbit`, if a run begins as it does.
+    fn record(&self, file: &File, orbit: &Orbit, name: &str, stop: &AtomicBool) -> Result<(), Failure> {
         let config = file.config_of(orbit).bad_input()?;
         let manifest = RunManifest::new(&config, "orbit", origin()).bad_input()?;
         let is_it = manifest.physics.initial_extra(&orbit.state.u_m) == orbit.state.extra[..];
@@ -136,9 +136,20 @@ impl Place<'_> {
             notice!(
                 "{name} is not written: a run begins with resonators at rest in their beads, and this orbit does not"
             );
-            return Ok(false);
+            return Ok(());
         }
-        Ok(record(&manifest, &config.to_toml(), &self.path(name), stop, |_| ())?)
+        record(&manifest, &config.to_toml(), &self.path(name), stop, |_| ())?;
+        Ok(())
+    }
+
+    fn write_report(&self, told: &Value) -> Result<(), Failure> {
+        Ok(whole_file::write(&self.path(REPORT), format!("{told:#}\n").as_bytes(), true)?)
+    }
+
+    /// The results `names` that are there.
+    fn results(&self, names: &[&str]) -> impl Iterator<Item = String> {
+        let paths: Vec<PathBuf> = names.iter().map(|name| self.path(name)).collect();
+        paths.into_iter().filter(|path| path.exists()).map(|path| path.display().to_string())
     }
 
     fn write_multipliers(&self, found: &Multipliers) -> Result<(), Failure> {
@@ -157,18 +168,15 @@ impl Place<'_> {
 fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -> Result<Done, Failure> {
     let orbit = search.find().map_err(failure)?;
     place.make()?;
-    let is_recorded = place.record(file, &orbit, "orbit.mcap", stop)?;
+    place.record(file, &orbit, "orbit.mcap", stop)?;
     place.write_multipliers(&orbit.multipliers)?;
     place.draw("multipliers.png", &shown::multipliers(words(&orbit), &orbit.multipliers))?;
     let told = told(&orbit);
-    let json = place.path(REPORT);
-    fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
+    place.write_report(&told)?;
     report(place.args.json, &told, || {
         let mut rows = Rows::default();
         add_rows(&mut rows, &orbit);
-        let files = ["orbit.mcap", "multipliers.csv", "multipliers.png", REPORT];
-        let files = files.iter().filter(|name| is_recorded || **name != "orbit.mcap");
-        rows.each("results", files.map(|name| place.path(name).display().to_string()));
+        rows.each("results", place.results(&["orbit.mcap", "multipliers.csv", "multipliers.png", REPORT]));
         rows.under(format_args!("orbit of {}", place.args.file.as_deref().unwrap_or(place.out).display()))
     })?;
     tell_residual(&orbit);
@@ -283,12 +291,8 @@ impl<'a> Branch<'a> {
 
     fn follow(&self, stop: &AtomicBool) -> Result<Done, Failure> {
         let mut come = self.come()?;
-        if come.last.is_none() {
-            // nothing is written before there is an orbit
-            self.search.find().map_err(failure)?;
-        }
-        self.place.make()?;
-        let journal = Journal::open(&self.place.path(JOURNAL), &self.head, |_| ())?;
+        // nothing is written before there is an orbit
+        let mut journal = None;
         signals::would_leave(format!(
             "the orbits found are kept in {}, the same command goes on",
             self.place.out.display()
@@ -297,7 +301,7 @@ impl<'a> Branch<'a> {
         let mut failed = None;
         let begun = come.last.as_ref().map(|(step, _)| step.clone());
         let end = self.search.follow(&self.stretch, begun, |step, orbit| {
-            let found = self.add(&mut come, step, orbit, &journal, stop);
+            let found = self.add(&mut come, step, orbit, &mut journal, stop);
             let way = (step.unknown.parameter - self.stretch.from) / (self.stretch.to - self.stretch.from);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1000")]
             if progress.at((way.clamp(0.0, 1.0) * 1000.0) as u64) {
@@ -314,7 +318,7 @@ impl<'a> Branch<'a> {
             }
         });
         progress.finish();
-        journal.sync()?;
+        journal.map_or(Ok(()), |journal: Journal| journal.sync())?;
         failed.map_or(Ok(()), Err)?;
         self.finish(&come, &end.map_err(failure)?, stop)
     }
@@ -352,29 +356,35 @@ impl<'a> Branch<'a> {
         come: &mut Come,
         step: &Step,
         orbit: &Orbit,
-        journal: &Journal,
+        journal: &mut Option<Journal>,
         stop: &AtomicBool,
     ) -> Result<(), Failure> {
-        let mut told = Value::Null;
+        let mut told = None;
         if let Some((before, last)) = &come.last {
-            let turns = before.turns(step);
-            match self.search.change(last, orbit, turns) {
+            match self.search.change(last, orbit, before.turns(step)) {
                 Ok(Some(change)) => {
                     let name = format!("change-{}.mcap", come.changes.len() + 1);
                     self.place.record(self.file, &change.orbit, &name, stop)?;
-                    told = told_change(&change);
-                    come.changes.push(told.clone());
+                    told = Some(told_change(&change, come.rows.len()));
                 }
                 Ok(None) => {}
-                Err(why) => notice!(
-                    "a change of stability near {} was not located: {why}",
-                    number(orbit.unknown.parameter)
-                ),
+                Err(why) => told = Some(told_lost(&why, orbit, come.rows.len())),
             }
         }
+        if stop.load(Ordering::Relaxed) {
+            // the change may not be whole: the same command finds this orbit again
+            return Ok(());
+        }
+        let journal = if let Some(journal) = journal {
+            journal
+        } else {
+            self.place.make()?;
+            journal.insert(Journal::open(&self.place.path(JOURNAL), &self.head, |_| ())?)
+        };
+        let change = told.as_ref().map_or(Cell::Empty, |told| Cell::Word(told.to_string()));
+        come.changes.extend(told);
         let row = shown::row(orbit);
         let step_json = serde_json::to_string(step)?;
-        let change = if told.is_null() { Cell::Empty } else { Cell::Word(told.to_string()) };
         let cells = row.iter().cloned().chain([Cell::Word(step_json), change]).collect();
         journal.append(&Entry { index: come.rows.len() as u64, wall_s: 0.0, cells })?;
         come.rows.push(row);
@@ -385,6 +395,7 @@ impl<'a> Branch<'a> {
     /// Writes the results of the branch.
     fn finish(&self, come: &Come, end: &End, stop: &AtomicBool) -> Result<Done, Failure> {
         let place = self.place;
+        let Some((_, last)) = &come.last else { return Err(failure(MapError::Stopped.into())) };
         let mut table = Table::create(&place.path("branch.csv"), &shown::columns(&self.key), true)?;
         for row in &come.rows {
             for cell in row {
@@ -393,45 +404,34 @@ impl<'a> Branch<'a> {
             table.end_row()?;
         }
         table.finish()?;
-        let double = |change: &Value, name: &str| change[name].as_f64().unwrap_or(f64::NAN);
-        let marks: Vec<_> = come
-            .changes
-            .iter()
-            .map(|change| {
-                let name = change["name"].as_str().unwrap_or_default().to_owned();
-                (name, double(change, "parameter"), double(change, "amplitude_m"), double(change, "energy_j"))
-            })
-            .collect();
+        let marks: Vec<Mark> = come.changes.iter().filter_map(mark).collect();
         place.draw(
             "branch.png",
             &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks),
         )?;
-        let Some((_, last)) = &come.last else { return Err(anyhow!("the branch has no orbit").into()) };
-        place.record(self.file, last, "last.mcap", stop)?;
+        if *end != End::Stopped {
+            place.record(self.file, last, "last.mcap", stop)?;
+        }
         place.write_multipliers(&last.multipliers)?;
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
         let told = json!({
             "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last),
         });
-        let json = place.path(REPORT);
-        fs::write(&json, format!("{told:#}\n")).with_context(|| json.display().to_string())?;
+        place.write_report(&told)?;
         report(place.args.json, &told, || {
             let mut rows = Rows::default();
             rows.add("orbits", count(come.rows.len() as u64));
             rows.each(
                 "change",
                 come.changes.iter().map(|change| {
-                    format!(
-                        "at {}: {}",
-                        number(double(change, "parameter")),
-                        change["words"].as_str().unwrap_or_default()
-                    )
+                    let at = change["row"][0].as_f64().map_or_else(String::new, number);
+                    format!("at {at}: {}", change["words"].as_str().unwrap_or_default())
                 }),
             );
             add_rows(&mut rows, last);
             let files =
                 ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", REPORT];
-            rows.each("results", files.map(|name| place.path(name).display().to_string()));
+            rows.each("results", place.results(&files));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;
         match end {
@@ -445,7 +445,8 @@ impl<'a> Branch<'a> {
             }
             End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
         }
-        Ok(Done::whole_if(*end == End::Reached))
+        let are_located = come.changes.iter().all(|change| change["is_located"] == true);
+        Ok(Done::whole_if(*end == End::Reached && are_located))
     }
 }
 
@@ -459,17 +460,34 @@ fn end_word(end: &End) -> &'static str {
     }
 }
 
-/// A change of stability as JSON.
-fn told_change(change: &Change) -> Value {
+/// A change of stability before row `before` as JSON.
+fn told_change(change: &Change, before: usize) -> Value {
     let orbit = &change.orbit;
     json!({
         "name": change.name,
         "words": shown::words(change),
+        "is_located": change.is_located,
         "begins": change.begins,
+        "before": before,
+        "row": shown::values(orbit),
         "parameter": orbit.unknown.parameter,
         "period_s": orbit.period_s(),
         "energy_j": orbit.energy_j,
         "amplitude_m": orbit.amplitude_m(),
         "multiplier": { "re": change.multiplier.re, "im": change.multiplier.im },
     })
+}
+
+/// The same of one that could not be located, because of `why`, in the step to `orbit`.
+fn told_lost(why: &NoOrbit, orbit: &Orbit, before: usize) -> Value {
+    let words = format!("stability changes somewhere in the step before: {why}");
+    let row = shown::values(orbit);
+    json!({ "name": "not located", "words": words, "is_located": false, "before": before, "row": row })
+}
+
+/// The mark of a change in a figure.
+fn mark(change: &Value) -> Option<Mark> {
+    let name = change["name"].as_str()?.to_owned();
+    let row = change["row"].as_array()?.iter().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect();
+    Some(Mark { name, before: usize::try_from(change["before"].as_u64()?).ok()?, row })
 }

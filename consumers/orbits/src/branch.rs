@@ -47,6 +47,8 @@ pub struct Change {
     pub multiplier: Multiplier,
     /// True if the orbits after it have more instabilities than those before.
     pub begins: bool,
+    /// False if it lies somewhere between two orbits, of which `orbit` is the nearer one.
+    pub is_located: bool,
 }
 
 /// The way in which a branch ends.
@@ -67,7 +69,7 @@ pub enum End {
 /// Shortest step, over the whole stretch.
 const SHORTEST: f64 = 1e-5;
 /// Longest step, over the first one.
-const LONGEST: f64 = 5.0;
+const LONGEST: f64 = 2.5;
 /// Newton steps up to which a step of the branch grows.
 const FEW: usize = 4;
 /// Least cosine of the angle between the directions of orbits beside each other.
@@ -99,7 +101,7 @@ impl Search<'_> {
         self
     }
 
-    /// Follows the branch from the orbit near the seed; or from the last of `steps`, made earlier, on. Tells `look` each orbit and the place
+    /// Follows the branch from the orbit near the seed; or from `last`, made earlier, on. Tells `look` each orbit and the place
     /// on the branch.
     ///
     /// # Errors
@@ -233,12 +235,10 @@ impl Search<'_> {
         let length = norm(&difference);
         let normal: Vec<f64> = difference.iter().map(|x| x / length).collect();
         let mut ends = [(0.0, test(one), one.clone()), (1.0, test(other), other.clone())];
+        let is_located = ends[0].1.zip(ends[1].1).is_some_and(|(a, b)| a.signum() != b.signum());
         let name = if turns && kind == Instability::Real { "fold" } else { kind.as_str() };
-        for look in 0..LOOKS {
+        for look in 0..if is_located { LOOKS } else { 0 } {
             let [(a, Some(at_a), _), (b, Some(at_b), _)] = &ends else { break };
-            if at_a.signum() == at_b.signum() {
-                break;
-            }
             // the secant, and the middle each third time, which always shortens the interval
             let part = if look % 3 == 2 { 0.5 * (a + b) } else { a - at_a * (b - a) / (at_b - at_a) };
             let through: Vec<f64> = from.iter().zip(&difference).map(|(x, d)| x + part * d).collect();
@@ -261,6 +261,6 @@ impl Search<'_> {
             (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs()
         };
         let multiplier = near.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(multiplier);
-        Ok(Some(Change { name, orbit, multiplier, begins }))
+        Ok(Some(Change { name, orbit, multiplier, begins, is_located }))
     }
 }

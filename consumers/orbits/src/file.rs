@@ -68,7 +68,6 @@ pub struct File {
     document: Table,
     written: Written,
     follow: Option<(KeyPath, Continue)>,
-    prepare: Prepare,
     /// The seed as lists.
     seed: Initial,
     /// The period (s) of a mode that is the seed.
@@ -89,9 +88,9 @@ impl File {
             let written = tables.orbit.unwrap_or_default();
             let follow = tables.r#continue.map(Continue::checked).transpose()?;
             let (path, seed) = (path.to_owned(), Initial::default());
-            let mut file = Self { path, document, written, follow, prepare, seed, mode_period_s: None };
+            let mut file = Self { path, document, written, follow, seed, mode_period_s: None };
             file.check()?;
-            file.find_seed()?;
+            file.find_seed(prepare)?;
             file.problem(file.from())?;
             Ok(file)
         };
@@ -163,8 +162,7 @@ impl File {
         let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
         let seed = Value::try_from(&self.seed).unwrap_or_else(|_| Value::Table(Table::new()));
         document.extend([("time".to_owned(), Value::Table(time)), ("initial".to_owned(), seed)]);
-        let config = RunConfig::from_table(&document)?;
-        let mut config = (self.prepare)(config, self.path.parent())?;
+        let mut config = RunConfig::from_table(&document)?;
         let period_s = self.period_s(&config, &written)?;
         config.time = TimeConfig { duration_s: period_s, dt_s: self.dt_s() };
         Ok((config, written))
@@ -237,7 +235,7 @@ impl File {
     }
 
     /// Finds the seed: a mode, or the initial state of the configuration.
-    fn find_seed(&mut self) -> Result<(), ConfigError> {
+    fn find_seed(&mut self, prepare: Prepare) -> Result<(), ConfigError> {
         let mut document = self.document.clone();
         document.retain(|table, _| !TABLES.contains(&table));
         let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
@@ -246,7 +244,7 @@ impl File {
         let unplaced = |error: ConfigError| ConfigError { line: None, ..error };
         let config =
             RunConfig::of_chain(&toml::to_string(&document).unwrap_or_default()).map_err(unplaced)?;
-        let mut config = (self.prepare)(config, self.path.parent())?;
+        let mut config = prepare(config, self.path.parent())?;
         let period_s = self.written.period_s.unwrap_or(1.0);
         config.time.duration_s = config.time.dt_s.map_or(period_s, |dt_s| period_s.max(dt_s));
         let beads = usize::try_from(config.chain.beads).unwrap_or(0);

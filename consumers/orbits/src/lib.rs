@@ -153,16 +153,10 @@ impl<'a> Search<'a> {
         }
         let mut points = vec![coordinates.of_state(&begun)];
         let shift_beads = options.shift_beads;
-        let after = |coordinates: &Coordinates, points: &[Vec<f64>], steps: u64| {
-            Map { physics: &physics, coordinates, steps, shift_beads, stop }.carry(
-                physics.dt_s,
-                points,
-                false,
-            )
-        };
         if norm(&points[0]) == 0.0 {
             // a chain at rest that is driven: the size of its motion is that after a period
-            let end = after(&coordinates, &points, steps)?.ends.pop().unwrap_or_default();
+            let map = Map { physics: &physics, coordinates: &coordinates, steps, shift_beads, stop };
+            let end = map.along(physics.dt_s, &points)?;
             coordinates.rescale(norm(&end));
             if norm(&end) == 0.0 {
                 return Err(NoOrbit::Chain("the seed is at rest: give [initial], a striker, or orbit.mode"));

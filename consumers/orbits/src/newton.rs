@@ -5,7 +5,7 @@
 //! `(M − I)·δz = −gap` have no unique solution: as many directions are set to nothing as there are such symmetries, and as many numbers are
 //! added to the equations that depend on the others. At an orbit these numbers are 0.
 //!
-//! Where a chain that conserves energy begins without velocities, its motion goes back the way that it came. Then displacements alone are unknown,
+//! A chain that conserves energy and begins without velocities goes back the way that it came. Then displacements alone are unknown,
 //! and velocities are made nothing after half of the period, which is a turning point, too.
 
 use crate::map::{Carried, Coordinates, Map, MapError, norm};
@@ -304,31 +304,23 @@ impl Newton<'_> {
         let count = self.coordinates.count();
         if asked.is_some() {
             let change = CHANGE * unknown.dt_s / self.units[0];
-            by.push(self.difference(Number::Step, &unknown, &carried, |sign| {
-                let dt_s = unknown.dt_s + sign * change * self.units[0];
-                Ok((change, problem.clone(), Unknown { dt_s, ..unknown.clone() }))
-            })?);
+            let changed = [1.0, -1.0].map(|sign| (&problem, unknown.dt_s + sign * change * self.units[0]));
+            by.push(self.difference(Number::Step, &unknown, &carried, (change, changed))?);
             asked_by.push(0.0);
             plane_by.extend(plane.map(|plane| plane.normal[count]));
         }
         if let Some(plane) = plane {
-            let change = CHANGE;
-            let changed = |sign: f64| -> Result<_, NoOrbit> {
-                let (problem, unknown) =
-                    self.at(&unknown, unknown.parameter + sign * change * self.units[1])?;
-                Ok((change, problem, unknown))
-            };
-            by.push(self.difference(Number::Parameter, &unknown, &carried, changed)?);
+            let changed = |sign: f64| self.at(&unknown, unknown.parameter + sign * CHANGE * self.units[1]);
+            let ((problem_up, up), (problem_down, down)) = (changed(1.0)?, changed(-1.0)?);
+            let ends = [(&problem_up, up.dt_s), (&problem_down, down.dt_s)];
+            by.push(self.difference(Number::Parameter, &unknown, &carried, (CHANGE, ends))?);
+            let slope = |up: f64, down: f64| (up - down) / (2.0 * CHANGE);
+            let of = |problem, unknown| self.asked(problem, unknown).unwrap_or(0.0);
             if asked.is_some() {
-                let value = |sign: f64| -> Result<f64, NoOrbit> {
-                    let (_, problem, unknown) = changed(sign)?;
-                    Ok(self.asked(&problem, &unknown).unwrap_or(0.0))
-                };
-                asked_by.push((value(1.0)? - value(-1.0)?) / (2.0 * change));
+                asked_by.push(slope(of(&problem_up, &up), of(&problem_down, &down)));
             }
             // the step follows the parameter where a period is asked for
-            let dt_s = |sign: f64| -> Result<f64, NoOrbit> { Ok(changed(sign)?.2.dt_s / self.units[0]) };
-            let follows = if asked.is_none() { (dt_s(1.0)? - dt_s(-1.0)?) / (2.0 * change) } else { 0.0 };
+            let follows = slope(up.dt_s, down.dt_s) / self.units[0];
             plane_by.push(plane.normal[count + 1] + plane.normal[count] * follows);
         }
         let off_plane = plane.map(|plane| self.off_plane(plane, &unknown));
@@ -346,19 +338,17 @@ impl Newton<'_> {
         Ok(Linear { carried, gaps, gap, monodromy, by, further, residual })
     }
 
-    /// Derivatives of the ends of the parts, and of all together, by a number that `changed` changes by a step and its negative.
+    /// Derivatives of the ends of the parts, and of all together, by a number: from chains and steps (s) in which it is larger, and smaller, by
+    /// `change`.
     fn difference(
         &self,
         number: Number,
         unknown: &Unknown,
         carried: &Carried,
-        changed: impl Fn(f64) -> Result<(f64, Problem, Unknown), NoOrbit>,
+        (change, changed): (f64, [(&Problem, f64); 2]),
     ) -> Result<By, NoOrbit> {
-        let ends = |sign: f64| -> Result<_, NoOrbit> {
-            let (change, problem, other) = changed(sign)?;
-            Ok((change, self.map(&problem).carry(other.dt_s, &unknown.points, false)?.ends))
-        };
-        let ((change, up), (_, down)) = (ends(1.0)?, ends(-1.0)?);
+        let ends = |(problem, dt_s): (&Problem, f64)| self.map(problem).carry(dt_s, &unknown.points, false);
+        let (up, down) = (ends(changed[0])?.ends, ends(changed[1])?.ends);
         let of = |(up, down): (&Vec<f64>, &Vec<f64>)| {
             up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * change)).collect()
         };

@@ -4,7 +4,8 @@ use crate::Orbit;
 use crate::branch::Change;
 use crate::multipliers::Multipliers;
 use consumers::table::{Cell, Column, Kind};
-use figure::{Axis, Curve, Figure, Mark, Panel, Stroke};
+use figure::{Axis, Curve, Figure, Panel, Stroke};
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use waves::dispersion::UnitCell;
 use waves::linear::LinearChain;
@@ -39,9 +40,15 @@ pub fn row(orbit: &Orbit) -> Vec<Cell> {
     ]
 }
 
+/// The same as numbers.
+pub fn values(orbit: &Orbit) -> Vec<f64> {
+    row(orbit).iter().map(double).collect()
+}
+
 fn double(cell: &Cell) -> f64 {
     match cell {
         Cell::Double(value) => *value,
+        Cell::Integer(value) => *value as f64,
         _ => f64::NAN,
     }
 }
@@ -59,11 +66,10 @@ pub fn multipliers(caption: impl Into<String>, found: &Multipliers) -> Figure {
         .curve(Curve::line("", circle).thin())
         .points("on or in the unit circle", found.telling().filter(is_stable).map(place))
         .height(1.5);
-    let mut kinds: Vec<_> = unstable.iter().map(|one| found.kind(*one)).collect();
-    kinds.dedup();
-    for kind in kinds {
-        let of_kind = unstable.iter().filter(|one| found.kind(**one) == kind).map(|one| place(*one));
-        panel = panel.curve(Curve::points(kind.as_str(), of_kind).mark(Mark::Square));
+    let names: BTreeSet<&str> = unstable.iter().map(|one| found.kind(*one).as_str()).collect();
+    for name in names {
+        let of_name = unstable.iter().filter(|one| found.kind(**one).as_str() == name).map(|one| place(*one));
+        panel = panel.curve(Curve::points(name, of_name).mark(figure::Mark::Square));
     }
     let farthest = found.telling().map(|one| one.re.abs().max(one.im.abs())).fold(1.0, f64::max) * 1.1;
     let axis = |label: &str| Axis::new(label).limits(-farthest, farthest);
@@ -71,49 +77,53 @@ pub fn multipliers(caption: impl Into<String>, found: &Multipliers) -> Figure {
     Figure::new().caption(caption).panel(panel)
 }
 
+/// A change of stability, as a figure shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    /// Its name.
+    pub name: String,
+    /// The number of the row before which it lies.
+    pub before: usize,
+    /// Its row.
+    pub row: Vec<f64>,
+}
+
 /// A branch, from its rows: amplitude, energy and the largest multiplier along `key`; unstable parts are dashed.
-pub fn branch(
-    caption: impl Into<String>,
-    key: &str,
-    rows: &[Vec<Cell>],
-    changes: &[(String, f64, f64, f64)],
-) -> Figure {
-    let is_unstable = |row: &Vec<Cell>| matches!(row[UNSTABLE], Cell::Integer(count) if count > 0);
+pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], marks: &[Mark]) -> Figure {
+    // the values of each place, and true if the part that leads to it is unstable
+    let mut places: Vec<(Vec<f64>, bool)> = Vec::new();
+    for (number, row) in rows.iter().enumerate() {
+        let was_unstable = places.last().is_some_and(|(_, is_unstable)| *is_unstable);
+        let between = marks.iter().filter(|mark| mark.before == number);
+        places.extend(between.map(|mark| (mark.row.clone(), was_unstable)));
+        let is_unstable = matches!(row[UNSTABLE], Cell::Integer(count) if count > 0);
+        places.push((row.iter().map(double).collect(), is_unstable));
+    }
+    let names: BTreeSet<&str> = marks.iter().map(|mark| mark.name.as_str()).collect();
     let mut figure = Figure::new().caption(caption).shared_x();
     let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
-    let mut names: Vec<&str> = changes.iter().map(|(name, ..)| name.as_str()).collect();
-    names.sort_unstable();
-    names.dedup();
     for (column, label) in panels {
         // one legend serves all panels
         let named = |name: &str| if column == AMPLITUDE { name.to_owned() } else { String::new() };
-        let mut panel = Panel::new().y_axis(Axis::new(label));
-        // a step belongs to the part that it leads to
-        let points = |wanted: bool| {
-            let place = |place: usize| {
-                let row = &rows[place];
-                let is_shown = [place, place + 1]
-                    .iter()
-                    .any(|at| rows.get(*at).is_some_and(|row| is_unstable(row) == wanted));
-                (double(&row[0]), if is_shown { double(&row[column]) } else { f64::NAN })
+        let point = |values: &[f64]| (values[0], values[column]);
+        let parts = |wanted: bool| {
+            let part = |pair: &[(Vec<f64>, bool)]| {
+                let (from, to) = (point(&pair[0].0), point(&pair[1].0));
+                if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
             };
-            (0..rows.len()).map(place).collect::<Vec<_>>()
+            places.windows(2).flat_map(part).collect::<Vec<_>>()
         };
-        panel = panel.curve(Curve::line(named("stable"), points(false)));
-        panel = panel.curve(Curve::line(named("unstable"), points(true)).stroke(Stroke::Dashed));
+        let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
+        panel = panel.curve(Curve::line(named("stable"), parts(false)));
+        panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
         if column == LARGEST {
             panel = panel.horizontal("", 1.0);
         }
         for name in &names {
-            let of_name = changes.iter().filter(|(other, ..)| other == name);
-            let places = of_name.map(|(_, parameter, amplitude_m, energy_j)| match column {
-                AMPLITUDE => (*parameter, *amplitude_m),
-                ENERGY => (*parameter, *energy_j),
-                _ => (*parameter, 1.0),
-            });
-            panel = panel.points(named(name), places.collect::<Vec<_>>());
+            let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
+            panel = panel.points(named(name), of_name.collect::<Vec<_>>());
         }
-        figure = figure.panel(panel.x_axis(Axis::new(key)));
+        figure = figure.panel(panel);
     }
     figure
 }
@@ -135,5 +145,6 @@ pub fn place(orbit: &Orbit) -> Option<&'static str> {
 pub fn words(change: &Change) -> String {
     let way = if change.begins { "begins" } else { "ends" };
     let angle = change.multiplier.angle_rad().to_degrees().abs();
-    format!("{} {way}, multiplier {:.6} at {angle:.3}°", change.name, change.multiplier.size())
+    let place = if change.is_located { "" } else { " somewhere in the step before" };
+    format!("{} {way}{place}, multiplier {:.6} at {angle:.3}°", change.name, change.multiplier.size())
 }

@@ -8,8 +8,8 @@ use producer::integrator::Integrator;
 use producer::state::ChainState;
 use schemas::manifest::Physics;
 
-/// Periods after which a run has come to the motion that stays.
-const PERIODS: u64 = 150;
+/// Most periods in which a run comes to the motion that stays.
+const MOST_PERIODS: f64 = 1000.0;
 const STEPS: u64 = 100;
 
 const LOSSES: [(&str, &str); 5] = [
@@ -54,7 +54,7 @@ const CHAINS: [(&str, &str); 4] = [
 
 #[test]
 fn a_run_comes_to_the_orbit_that_is_found() {
-    let mut tried = 0;
+    let (mut tried, mut largest) = (0, 0.0);
     for (chain_name, chain) in CHAINS {
         for (loss_name, loss) in LOSSES {
             for (drive_name, drive) in DRIVES {
@@ -73,7 +73,20 @@ fn a_run_comes_to_the_orbit_that_is_found() {
                         parts.collect::<Vec<_>>().join("\n")
                     );
                     let orbit = find(&toml);
-                    let expected = settled(&orbit.physics);
+                    // differences fade by the largest multiplier in each period; some hardly do, as those of a resonator between
+                    // beads that are moved
+                    let size = orbit.multipliers.largest().map_or(0.0, Multiplier::size);
+                    let periods = (1e-10_f64.ln() / size.ln()).ceil();
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "up to a thousand, below"
+                    )]
+                    let whole = periods as u64;
+                    if size >= 1.0 || periods > MOST_PERIODS {
+                        continue;
+                    }
+                    let expected = settled(&orbit.physics, whole);
                     let numbers = |state: &ChainState| {
                         let resonators = if orbit.physics.resonators.is_some() { 2 * beads } else { 0 };
                         let extra = state.extra.iter().take(resonators);
@@ -81,28 +94,28 @@ fn a_run_comes_to_the_orbit_that_is_found() {
                     };
                     let (found, expected) = (numbers(&orbit.state), numbers(&expected));
                     let units = |place: usize| if (place / beads).is_multiple_of(2) { 2e-6 } else { 0.02 };
-                    let most = orbit.multipliers.largest().map_or(0.0, Multiplier::size).powi(150);
                     for (place, (found, expected)) in found.iter().zip(&expected).enumerate() {
                         let error = (found - expected).abs() / units(place);
-                        // differences fade by the largest multiplier in each period
-                        assert!(
-                            error < 1e-8 + 10.0 * most,
-                            "{what}, {place}: {found} for {expected}, {most:e} of a difference is left"
-                        );
+                        largest = larger(largest, error);
+                        assert!(error < 1e-8, "{what}, {place}: {found} for {expected}");
                     }
-                    // some motions hardly fade: a resonator in a bead that is moved, between others
-                    tried += usize::from(most < 1e-4);
+                    tried += 1;
                 }
             }
         }
     }
+    println!("{tried} chains, off by {largest:e} of the drive at most");
     assert!(tried > 80, "{tried}");
 }
 
-/// The state of a run from rest after many periods of its drive, at the beginning of one.
-fn settled(physics: &Physics) -> ChainState {
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// The state of a run from rest after so many periods of its drive, at the beginning of one.
+fn settled(physics: &Physics, periods: u64) -> ChainState {
     let mut state = ChainState::initial(physics);
-    let (mut integrator, last) = (Integrator::new(physics), PERIODS * STEPS);
+    let (mut integrator, last) = (Integrator::new(physics), periods * STEPS);
     while state.step < last {
         integrator.advance(&mut state, last);
     }

@@ -62,7 +62,7 @@ fn modes(toml: &str) -> Option<Modes> {
 
 #[test]
 fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
-    let mut tried_count = 0;
+    let (mut tried_count, mut largest) = (0, 0.0);
     for (name, kind) in KINDS {
         for beads in [2, 3, 8, 13] {
             for ends in ["fixed", "periodic"] {
@@ -110,7 +110,15 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                     assert_eq!(found.len(), expected.len(), "{what}");
                     for (found, expected) in found.iter().zip(&expected) {
                         // a defective pair at 1 or −1 is good to the root of an error
-                        let tolerance = if method == "rkn4" { 1e-3 } else { 2e-2 };
+                        let is_defective = expected.abs() > 1.0 - 1e-3;
+                        let tolerance = match (method, is_defective) {
+                            ("rkn4", false) => 1e-7,
+                            ("rkn4", true) => 1e-3,
+                            _ => 2e-2,
+                        };
+                        if method == "rkn4" && !is_defective {
+                            largest = f64::max(largest, (found - expected).abs());
+                        }
                         assert!((found - expected).abs() < tolerance, "{what}: {found} for {expected}");
                     }
                     tried_count += 1;
@@ -118,12 +126,14 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
             }
         }
     }
+    println!("{tried_count} orbits, multipliers off by {largest:e} at most, where not defective");
     assert!(tried_count > 90, "{tried_count}");
 }
 
 /// However a period is divided, the orbit and its multipliers are the same.
 #[test]
 fn parts_of_a_period_change_no_multiplier() {
+    let mut largest = 0.0;
     for (name, kind) in KINDS {
         let found = [1, 4].map(|segments| {
             let orbit = format!(
@@ -137,6 +147,11 @@ fn parts_of_a_period_change_no_multiplier() {
         let [(period, one), (other_period, other)] = found;
         assert!((period / other_period - 1.0).abs() < 1e-12, "{name}: {period} and {other_period}");
         for (one, other) in one.iter().zip(&other) {
+            if (one.1 - 1.0).abs() > 1e-5 {
+                largest = [largest, (one.0 - other.0).abs(), (one.1 - other.1).abs()]
+                    .into_iter()
+                    .fold(0.0, f64::max);
+            }
             // the defective pair at 1 is good to the root of rounding
             let tolerance = if (one.1 - 1.0).abs() < 1e-5 { 1e-5 } else { 1e-8 };
             assert!(
@@ -145,4 +160,5 @@ fn parts_of_a_period_change_no_multiplier() {
             );
         }
     }
+    println!("one and four parts: multipliers differ by {largest:e} at most");
 }
