@@ -7,8 +7,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beadline orbit --example > breather.toml          a file to begin with\n  \
-    beadline orbit breather.toml --out breather       finds it, with its multipliers and a recording\n  \
-    beadline view breather/orbit.mcap                 one period of it, as any run\n\n\
+    beadline orbit breather.toml --out breather       finds it, and follows it until it is unstable\n  \
+    beadline view breather/change-1.mcap              the orbit at the first change, as any run\n\n\
     An orbit file is a configuration with a table [orbit]: period_s, energy_j or amplitude_m, and a seed: mode, [initial] or [striker]. A \
     drive gives the period itself. The step divides the period. Newton's method changes the state at the beginning until it comes back, with the exact \
     derivative of the steps. [continue] follows the orbits along a key and finds where they become unstable. The same command goes on \
