@@ -218,7 +218,8 @@ fn prepare(place: &Place) {
     place.write("loaded.toml", &loaded);
     place.run("run loaded.toml --duration 1e-4 --out loaded.mcap --no-publish").exits(0);
     fs::create_dir(place.path("many")).unwrap();
-    for number in 0..3000 {
+    // some times as long as a look waits for
+    for number in 0..12_000 {
         fs::hard_link(place.path("long.mcap"), place.path(format!("many/{number}.mcap"))).unwrap();
     }
 }
