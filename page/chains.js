@@ -1,9 +1,10 @@
 // Chains beyond one power law: contacts of several terms, bonds, gaps, rings, springs and drag of each bead, resonators, what is
-// driven, and the method rk5. Written from docs/KERNEL.md alone, like kernel.js, which has the rest.
+// driven, baths, and the method rk5. Written from docs/KERNEL.md alone, like kernel.js, which has the rest.
 //
 //     import { stepperOf } from "./chains.js";
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
+import { Bath } from "./baths.js";
 import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
 import { LAWS } from "./laws.js";
 import { Knots, Piece } from "./pieces.js";
@@ -183,7 +184,12 @@ export class AnyStepper extends Stepper {
     this.resonatorStiffness = array(chain.resonatorStiffness) ?? new Float64Array(n);
     this.drives = (physics.drives ?? []).map((entry) => new Drive(entry, this.dt));
     this.knots = new Knots(physics.kernel_version < 3 ? [] : this.drives.map(({ wave }) => wave), this.dt);
+    const { baths = [], seed = 0 } = physics;
+    this.baths = baths.map((entry) => new Bath(entry, this.mass, this.isRing, this.dt, seed));
     this.dampingPower = chain.dampingPower ? new Power(chain.dampingPower) : undefined;
+    if (this.method === "rk5" && baths.length > 0) {
+      throw new Error("rk5 takes no baths");
+    }
     if (this.method !== "rk5" && (this.damped || this.drag !== undefined)) {
       throw new Error(`damping or drag with the method ${this.method}`);
     }
@@ -193,6 +199,7 @@ export class AnyStepper extends Stepper {
     this.atWv = at("w_v");
     this.atWork = at("W");
     this.atDrives = at("drives");
+    this.atHeat = at("heat");
     this.pull = new Float64Array(n); // G of each bead
     this.inner = new Float64Array(n); // r of each bead
     this.lost = new Float64Array(n + 1); // power of each damped contact
@@ -225,7 +232,9 @@ export class AnyStepper extends Stepper {
     if (state.step === undefined) {
       throw new Error("a state without the number of its step");
     }
+    const heat = this.heatOf(state);
     for (let n = state.step; n < state.step + count; n += 1) {
+      this.baths.forEach((bath) => bath.act(state.v, heat, n, 0));
       for (const piece of this.knots.pieces(n)) {
         const before = state.extra.slice(this.atDrives, this.atDrives + 2 * this.drives.length);
         for (const drive of this.drives) {
@@ -238,7 +247,13 @@ export class AnyStepper extends Stepper {
         }
         this.endPiece(state, piece.end(), before);
       }
+      this.baths.toReversed().forEach((bath) => bath.act(state.v, heat, n, 1));
     }
+  }
+
+  /** The heat that baths have given, at each place. @param {Motion} state */
+  heatOf({ extra }) {
+    return this.atHeat < 0 ? new Float64Array(0) : extra.subarray(this.atHeat, this.atHeat + this.beads);
   }
 
   /**
@@ -498,9 +513,10 @@ export class AnyStepper extends Stepper {
     });
   }
 
-  /** Work of all drives. @param {Motion} state */
-  drivenWork({ extra }) {
-    return this.drives.reduce((total, _, d) => total + extra[this.atDrives + 2 * d], 0);
+  /** Work of all drives and heat of all baths. @param {Motion} state */
+  drivenWork(state) {
+    const work = this.drives.reduce((total, _, d) => total + state.extra[this.atDrives + 2 * d], 0);
+    return this.heatOf(state).reduce((total, heat) => total + heat, work);
   }
 
   /** Displacement and velocity of both walls in a state with a step. @param {Motion} state */

@@ -278,8 +278,8 @@ export const retired = ({ method, damping }) => (method === "gear5" && damping ?
  * @param {Physics} physics
  * @param {Chain} chain
  */
-export function isSimple({ method, drives }, { terms, ring, onSite, onSiteCubic, drag, resonatorMass, dampingPower }) {
-  const isThere = [drives, terms, onSite, onSiteCubic, drag, resonatorMass].some((some) => some && some.length > 0);
+export function isSimple({ method, drives, baths }, { terms, ring, onSite, onSiteCubic, drag, resonatorMass, dampingPower }) {
+  const isThere = [drives, baths, terms, onSite, onSiteCubic, drag, resonatorMass].some((some) => some && some.length > 0);
   return !isThere && ring === undefined && !dampingPower && method !== "rk5";
 }
 
@@ -288,11 +288,11 @@ export function isSimple({ method, drives }, { terms, ring, onSite, onSiteCubic,
  * @param {Physics} physics
  * @param {Chain} chain
  */
-export function extraNamesOf({ method, damping, drives = [] }, { resonatorMass = NONE, drag = NONE }) {
+export function extraNamesOf({ method, damping, drives = [], baths = [] }, { resonatorMass = NONE, drag = NONE }) {
   const isThere = {
     ...{ q2: method === "gear5", q3: method === "gear5", q4: method === "gear5", q5: method === "gear5" },
     ...{ w: resonatorMass.length > 0, w_v: resonatorMass.length > 0 },
-    ...{ W: damping !== undefined || drag.length > 0, drives: drives.length > 0 },
+    ...{ W: damping !== undefined || drag.length > 0, drives: drives.length > 0, heat: baths.length > 0 },
   };
   return Object.entries(isThere).flatMap(([name, is]) => (is ? [name] : []));
 }

@@ -43,6 +43,7 @@ const PHYSICS_KEYS = {
   damping: { ...PLAIN_KEYS.damping, kuwabara_kono_s: 0, power: { coefficient: 0, exponent: 0 } },
   strikers: PLAIN_KEYS.striker,
   drives: { wall: 0, bead: 0, force_n: SHAPES, displacement_m: SHAPES, velocity_m_s: SHAPES },
+  baths: { beads: 0, temperature_j: SHAPES, temperature_k: SHAPES, friction_per_s: 0, seed: 0, pairs: 0 },
 };
 
 /**

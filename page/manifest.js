@@ -12,6 +12,7 @@ const MOST_BEADS = 20e6;
 const MOST_STEPS = 2 ** 52;
 const MOST_EXPONENTS = 16;
 const MOST_DISORDERS = 16;
+const MOST_FRICTION = 0.5; // of baths, in a step
 const STEPS_OF_PERIOD = 20;
 const LONGEST_SHOWN = 60;
 
@@ -116,6 +117,12 @@ const WAVEFORM = one({
   gaussian: object({ amplitude: finite, at_s: finite, width_s: positive }, { frequency_hz: orZero }),
   table: object({ times_s: list(finite, 2), values: list(finite, 2) }, { interpolation: word("linear", "cubic") }),
 });
+/** Seeds that JSON keeps. */
+const seed = count(0, Number.MAX_SAFE_INTEGER);
+const BATH = object(
+  { beads: rule((x) => typeof x === "string" && /^\d+\.\.\d+$/.test(x), 'beads such as "0..4"'), friction_per_s: positive },
+  { temperature_j: WAVEFORM, temperature_k: WAVEFORM, seed, pairs: rule((x) => x === true, "true") },
+);
 const DAMPING = one({
   viscous_n_s_per_m: positive,
   kuwabara_kono_s: positive,
@@ -208,6 +215,7 @@ function rulesOf(beads, contacts) {
         }),
         ...[0, Math.floor(beads / 2)],
       ),
+      baths: list(BATH, 0, beads),
     },
   );
 }
@@ -311,9 +319,10 @@ function checkEnds(physics) {
     refuse("damping", damping, "viscous_n_s_per_m where contacts are not one power of one exponent");
   }
   const hasSite = site && Object.keys(site).length > 0;
-  const isMore = isBeyond || hasSite || physics.resonators || physics.drives?.length > 0 || isRing || isSlowed;
+  const hasBaths = physics.baths?.length > 0;
+  const isMore = isBeyond || hasSite || physics.resonators || physics.drives?.length > 0 || hasBaths || isRing || isSlowed;
   const isSplit = ["velocity-verlet", "rkn4"].includes(method);
-  if ((method === "gear5" && (needsRk5 || isMore)) || (isSplit && (damping || isSlowed))) {
+  if ((method === "gear5" && (needsRk5 || isMore)) || (isSplit && (damping || isSlowed)) || (hasBaths && !isSplit)) {
     refuse("method", method, "one that takes these forces");
   }
 }
@@ -346,9 +355,43 @@ function checkWaveform(waveform, key, dt, duration) {
   }
 }
 
+/** Refuses baths at wrong beads, and of wrong temperatures. @param {any} physics */
+function checkBaths({ beads, baths = [], drives = [], seed: ofRun = 0, dt_s: dt, step_count: steps }) {
+  const taken = new Set(drives.flatMap((/** @type {any} */ { bead, force_n: force }) => (force === undefined ? [bead] : [])));
+  baths.forEach((/** @type {any} */ bath, /** @type {number} */ i) => {
+    const key = `baths[${i}]`;
+    const [from, to] = bath.beads.split("..").map(Number);
+    if (!(from < to && to <= beads && (!bath.pairs || to - from > 1))) {
+      refuse(`${key}.beads`, bath.beads, "beads of this chain, two or more for pairs");
+    }
+    for (let bead = from; bead < to; bead += 1) {
+      if (taken.has(bead)) {
+        refuse(`${key}.beads`, bead, "each bead in one bath, and not moved by a drive");
+      }
+      taken.add(bead);
+    }
+    const { temperature_j: joule, temperature_k: kelvin } = bath;
+    const temperature = joule ?? kelvin;
+    if ((joule === undefined) === (kelvin === undefined)) {
+      refuse(key, bath, "one of temperature_j and temperature_k");
+    }
+    const [[kind, shape]] = Object.entries(temperature);
+    const numbers = kind === "constant" ? [shape] : shape.values ?? [shape.amplitude];
+    const swings = ["sine", "chirp"].includes(kind) || (kind === "gaussian" && shape.frequency_hz);
+    if (swings || numbers.some((/** @type {number} */ x) => x < 0)) {
+      refuse(key, temperature, "a temperature of 0 or more at all times");
+    }
+    checkWaveform(temperature, key, dt, steps * dt);
+    if (bath.friction_per_s * dt > MOST_FRICTION) {
+      refuse(`${key}.friction_per_s`, bath.friction_per_s, `at most ${MOST_FRICTION} in a step`);
+    }
+    seed(bath.seed ?? ofRun, `${key}.seed`);
+  });
+}
+
 /** Refuses a chain that nothing sets in motion. @param {any} physics */
 function checkMotion(physics) {
-  const { beads, striker, strikers = [], initial = {}, drives = [], ends, load, dt_s: dt, step_count: steps } = physics;
+  const { beads, striker, strikers = [], initial = {}, drives = [], baths = [], ends, load, dt_s: dt, step_count: steps } = physics;
   const struck = [striker, ...strikers];
   const beadsStruck = new Set();
   struck.forEach(({ bead }, i) => {
@@ -393,7 +436,8 @@ function checkMotion(physics) {
   });
   const isAny = (/** @type {any} */ value) => (Array.isArray(value) ? value.some(Boolean) : Boolean(value));
   const shapes = [initial.gaussian, initial.plane_wave, initial.mode];
-  const drivenBy = drives.flatMap((/** @type {any} */ { wall, bead, ...by }) => Object.values(by).flatMap((x) => Object.values(x)));
+  const entries = [...drives, ...baths.map((/** @type {any} */ { temperature_j: t, temperature_k: k }) => ({ t: t ?? k }))];
+  const drivenBy = entries.flatMap((/** @type {any} */ { wall, bead, ...by }) => Object.values(by).flatMap((x) => Object.values(x)));
   const isMoved =
     [load?.gravity_m_s2, load?.precompression_n, initial.displacements_m, initial.velocities_m_s, initial.thermal].some(isAny) ||
     struck.some((one) => one.velocity_m_s !== 0) ||
@@ -432,6 +476,7 @@ export function checkPhysics(physics) {
   rulesOf(beads, beads - (ends?.left === "periodic" && kernel >= 3 ? 0 : 1))(physics, "");
   checkLaws(physics);
   checkEnds(physics);
+  checkBaths(physics);
   checkMotion(physics);
   if (kernel === 3 && !needsKernel3(physics)) {
     refuse("kernel_version", kernel, "2, which gives the bits of this run");

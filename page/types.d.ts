@@ -16,6 +16,9 @@ export interface Physics {
   spheres?: { radius_m: number } | { radius_m: number }[];
   odd_spheres?: { bead: number; radius_m: number }[];
   drives?: DriveEntry[];
+  baths?: BathEntry[];
+  /** Of disorder, thermal velocities and baths. */
+  seed?: number;
   bonds?: unknown;
   second?: unknown;
   resonators?: unknown;
@@ -42,6 +45,16 @@ export interface DriveEntry {
   force_n?: Shape;
   displacement_m?: Shape;
   velocity_m_s?: Shape;
+}
+
+/** A heat bath at the beads "first..end", or at the pairs of neighbours among them; with one of the temperatures. */
+export interface BathEntry {
+  beads: string;
+  temperature_j?: Shape;
+  temperature_k?: Shape;
+  friction_per_s: number;
+  seed?: number;
+  pairs?: boolean;
 }
 
 /** A number over time, one of them. Amplitudes are in the unit of what is driven. */

@@ -90,10 +90,36 @@ function exponential(x, less) {
   const s = powerOfTwo(n);
   return s * m + (s - less);
 }
-const exp = (/** @type {number} */ x) => exponential(x, 0);
+/** @param {number} x */
+export const exp = (x) => exponential(x, 0);
 /** @param {number} x */
 export function expm1(x) {
   return exponential(x, 1);
+}
+
+const ROOT_2 = fromHex("3ff6a09e667f3bcd");
+/** 2/3, 2/5, … 2/23 */
+const LOGARITHM = Array.from({ length: 11 }, (_, j) => 2 / (2 * j + 3));
+
+/** The natural logarithm of a normal x > 0. @param {number} x */
+export function ln(x) {
+  let [m, n] = [x, 0];
+  // powers of two are exact
+  for (; m < 1; n -= 1) {
+    m *= 2;
+  }
+  for (; m >= 2; n += 1) {
+    m *= 0.5;
+  }
+  if (m > ROOT_2) {
+    [m, n] = [0.5 * m, n + 1];
+  }
+  const f = m - 1;
+  const s = f / (2 + f);
+  const z = s * s;
+  const h = 0.5 * f * f;
+  const r = s * (h + z * series(LOGARITHM, z)) + n * L;
+  return n * H - (h - r - f);
 }
 
 /** s after step n. @param {number} n @param {number} s @param {number} dt @returns {Pair} */

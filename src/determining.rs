@@ -20,6 +20,16 @@ const NICENESS: i32 = 10;
 /// A longer step is worth a line from this factor on.
 const WORTH_LONGER: f64 = 1.5;
 
+/// Refuses to compare a run whose twins have other noise.
+pub(crate) fn check_noise(physics: &Physics) -> Result<(), Failure> {
+    if physics.baths.is_empty() {
+        return Ok(());
+    }
+    Err(bad_input!(
+        "a run with baths is not determined: steps of another length have other noise; compare seeds instead, or leave [[bath]] out"
+    ))
+}
+
 /// A comparison in a thread of its own, beside a run.
 pub(crate) struct Beside {
     thread: JoinHandle<Result<Compared, NonFinite>>,

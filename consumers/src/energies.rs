@@ -272,7 +272,7 @@ impl Energies {
             last,
             reflection: self.watch.as_ref().map(ReflectionWatch::found).map_err(|undefined| *undefined),
             max_abs_drift: self.max_abs_drift,
-            is_driven: !self.physics.drives.is_empty(),
+            is_driven: self.physics.is_driven(),
             is_ring: self.chain.is_ring,
             balance: self.balance,
         })

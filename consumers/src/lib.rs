@@ -6,6 +6,7 @@
 
 pub mod analysis;
 pub mod bead_range;
+pub mod blocks;
 pub mod contacts;
 pub mod deformation;
 pub mod determination;

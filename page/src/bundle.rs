@@ -11,6 +11,7 @@ use std::fmt::Write;
 pub(crate) const MODULES: &[(&str, &str)] = &[
     ("actions", include_str!("../actions.js")),
     ("axes", include_str!("../axes.js")),
+    ("baths", include_str!("../baths.js")),
     ("board", include_str!("../board.js")),
     ("caption", include_str!("../caption.js")),
     ("carried", include_str!("../carried.js")),

@@ -88,7 +88,7 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// Makes one for the run of `physics` from `state` on. None for resonators and for dampings that are no dashpots,
+    /// Makes one for the run of `physics` from `state` on. None for resonators, baths and dampings that are no dashpots,
     /// whose motion is not watched, and for steps so long that looking would cost much.
     pub fn of(physics: &Physics, state: &ChainState) -> Option<Self> {
         let beads = state.u_m.len();
@@ -97,7 +97,7 @@ impl Growth {
             Some(Damping::ViscousNSPerM(coefficient)) => coefficient,
             Some(_) => return None,
         };
-        if physics.resonators.is_some() || beads > MOST_BEADS {
+        if physics.resonators.is_some() || !physics.baths.is_empty() || beads > MOST_BEADS {
             return None;
         }
         let chain = physics.chain();

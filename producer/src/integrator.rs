@@ -6,6 +6,7 @@ mod runge;
 mod splitting;
 
 use crate::aligned::Padded;
+use crate::baths::Baths;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
 use crate::tangents::{NoTangent, Tangents};
@@ -17,6 +18,7 @@ use runge::Runge;
 use schemas::frame::Active;
 use schemas::manifest::Physics;
 use schemas::method::Method;
+use schemas::rows::Rows;
 use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 
 /// Advances the states of one chain by the method of its run.
@@ -26,6 +28,7 @@ use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 #[derive(Debug, Clone)]
 pub struct Integrator {
     by_method: ByMethod,
+    baths: Option<Box<(Baths, Rows)>>,
 }
 
 #[derive(Debug, Clone)]
@@ -55,7 +58,9 @@ impl Integrator {
     fn with_tiles(physics: &Physics, arch: Arch, tile: usize) -> Self {
         assert!(physics.retired().is_none(), "nobody makes a run that `check_kernel` refuses");
         let chain = physics.chain();
-        let kernel = Kernel::with_arch(&chain, arch, tile);
+        let mut kernel = Kernel::with_arch(&chain, arch, tile);
+        let baths = Baths::of(physics, &chain);
+        baths.iter().flat_map(Baths::beads).for_each(|beads| kernel.shake(&beads));
         let by_method = match physics.method {
             Method::VelocityVerlet => {
                 ByMethod::Splitting(Splitting::new(VELOCITY_VERLET, physics, &chain, kernel))
@@ -64,7 +69,7 @@ impl Integrator {
             Method::Gear5 => ByMethod::Gear(Gear::new(physics.dt_s, kernel)),
             Method::Rk5 => ByMethod::Runge(Box::new(Runge::new(physics, &chain, kernel))),
         };
-        Self { by_method }
+        Self { by_method, baths: baths.map(|baths| Box::new((baths, physics.rows()))) }
     }
 
     /// The integrator of a run that carries `count` tangents with the states, all zero at first. It makes the same states.
@@ -93,11 +98,7 @@ impl Integrator {
 
     /// The tangents of the state stepped to last, if it carries any.
     pub fn tangents(&mut self) -> Option<&mut Tangents> {
-        match &mut self.by_method {
-            ByMethod::Splitting(splitting) => splitting.tangents(),
-            ByMethod::Runge(runge) => runge.tangents(),
-            ByMethod::Gear(_) => None,
-        }
+        self.by_method.tangents()
     }
 
     /// Advances `state` by one step.
@@ -112,11 +113,13 @@ impl Integrator {
     ///
     /// As for [`Integrator::step`], pass each call the state that the call before left.
     pub fn advance(&mut self, state: &mut ChainState, last: u64) {
-        match &mut self.by_method {
-            ByMethod::Splitting(splitting) => splitting.advance(state, last),
-            ByMethod::Gear(gear) => gear.step(state),
-            ByMethod::Runge(runge) => runge.step(state),
-        }
+        let Some(baths) = &mut self.baths else { return self.by_method.advance(state, last) };
+        let (step, (baths, rows)) = (state.step, &mut **baths);
+        baths.before([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
+        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow_before(tangents));
+        self.by_method.advance(state, step + 1);
+        baths.after([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
+        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow_after(tangents));
     }
 
     /// The beads that may differ from rest in `state`, if this integrator has just stepped to it.
@@ -135,6 +138,25 @@ impl Integrator {
             ByMethod::Splitting(splitting) => splitting.first_non_finite(state),
             ByMethod::Gear(gear) => gear.first_non_finite(state),
             ByMethod::Runge(runge) => runge.first_non_finite(state),
+        }
+    }
+}
+
+impl ByMethod {
+    fn tangents(&mut self) -> Option<&mut Tangents> {
+        match self {
+            Self::Splitting(splitting) => splitting.tangents(),
+            Self::Runge(runge) => runge.tangents(),
+            Self::Gear(_) => None,
+        }
+    }
+
+    /// Advances `state` as [`Integrator::advance`] does, without baths.
+    fn advance(&mut self, state: &mut ChainState, last: u64) {
+        match self {
+            Self::Splitting(splitting) => splitting.advance(state, last),
+            Self::Gear(gear) => gear.step(state),
+            Self::Runge(runge) => runge.step(state),
         }
     }
 }

@@ -55,6 +55,11 @@ impl Activity {
         self
     }
 
+    /// This window, widened over `beads`.
+    fn over(self, beads: &Range<usize>) -> Self {
+        if beads.is_empty() { self } else { self.with(beads.start).with(beads.end - 1) }
+    }
+
     /// This window, widened over the beads that have one of `values` (N of them) other than zero.
     pub(crate) fn including(mut self, values: &[f64]) -> Self {
         let active = |x: &f64| x.to_bits() != 0;
@@ -107,6 +112,8 @@ pub struct Kernel {
     /// True for each group in which a contact presses more than at rest.
     presses: Vec<bool>,
     activity: Activity,
+    /// Beads that baths may set in motion.
+    shaken: Activity,
     /// Beads of a tile of a sweep.
     tile: usize,
 }
@@ -197,6 +204,7 @@ impl Kernel {
             force: avec![0.0; inverse_mass.len()],
             presses: vec![false; with_room(count * width) / GROUP + 1],
             activity: Activity { beads: 0..0 },
+            shaken: Activity { beads: 0..0 },
             tile,
             inverse_mass,
             rest_n,
@@ -210,7 +218,13 @@ impl Kernel {
         self.presses.fill(false);
         let Activity { beads: numbers } = activity;
         let beads = numbers.start / self.width..numbers.end.div_ceil(self.width);
-        self.activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };
+        let activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };
+        self.activity = activity.over(&self.shaken.beads);
+    }
+
+    /// Takes `beads` as those that may not be at rest at any time, from the next start on.
+    pub(crate) fn shake(&mut self, beads: &Range<usize>) {
+        self.shaken = self.shaken.clone().over(beads);
     }
 
     /// Puts the walls at these places (m).

@@ -4,6 +4,7 @@
 //! [`integrator::Integrator`], which works on a [`state::ChainState`] with the forces of [`kernel`].
 
 mod aligned;
+mod baths;
 mod drives;
 pub mod energy_error;
 pub mod growth;

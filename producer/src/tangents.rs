@@ -311,6 +311,26 @@ impl Tangents {
         self.make_stages_left();
     }
 
+    /// Slows the velocity of the first of `beads` by the factor `decay`; or with `shares` the velocity of both relative to each other, of whose
+    /// change each has its share. The tangents are settled.
+    pub(crate) fn slow(&mut self, [left, right]: [usize; 2], shares: Option<[f64; 2]>, decay: f64) {
+        let slowed = |v: f64, w: f64| match shares {
+            None => [decay * v; 2],
+            Some([of_left, of_right]) => {
+                let change = decay * (v - w) - (v - w);
+                [v + of_left * change, w - of_right * change]
+            }
+        };
+        if let Some(Single { rows: [_, v, ..], .. }) = &mut self.single {
+            [v[left], v[right]] = slowed(v[left], v[right]);
+        }
+        for Block([_, v, ..]) in &mut self.blocks {
+            for lane in 0..LANES {
+                [v[left].0[lane], v[right].0[lane]] = slowed(v[left].0[lane], v[right].0[lane]);
+            }
+        }
+    }
+
     fn make_kick_left(&mut self) {
         let left_s = std::mem::take(&mut self.kick_left_s);
         if left_s != 0.0 {

@@ -132,6 +132,11 @@ class State:
         return self._parts[4]
 
     @property
+    def heat_j(self) -> Doubles:
+        """Heat that baths have given so far (J), N values: to bead ``i``, or by a bath of pairs in contact ``i``. None of a run without."""
+        return self._parts[5]
+
+    @property
     def mass_kg(self) -> Doubles:
         """Mass of each bead (kg), N values."""
         return _read_only(self._manifest.mass_kg)

@@ -45,9 +45,10 @@ class Run:
             ``{0: 5.0, 99: -5.0}`` for two pulses that meet.
         drives: Drives, which move walls or beads, or push beads: ``[{"wall": "left", "velocity_m_s": 5.0}]`` is a piston,
             ``[{"bead": 3, "force_n": {"sine": {"amplitude": 1e-3, "frequency_hz": 1e3}}}]`` a shaker. CONFIGURATION has the waveforms.
+        baths: Heat baths: ``[{"beads": "..4", "temperature_j": 1e-9, "friction_per_s": 1e3}]``. CONFIGURATION has all keys.
         initial: Its beginning: displacements (m) and velocities (m/s) of all beads, ``(u, v)``; a :class:`State` of another run,
             such as ``rec[1000]``; or rules, such as ``{"thermal": {"temperature_k": 300}}``. Strikers are added to it.
-        seed: Seed of disorder and thermal velocities.
+        seed: Seed of disorder, thermal velocities and baths.
         duration_s: Simulated time (s).
         dt_s: Time step (s); by default a fraction of the collision time.
         method: ``"rkn4"``, ``"velocity-verlet"``, ``"gear5"`` or ``"rk5"``; by default ``"rkn4"``, or one that can compute the
@@ -66,6 +67,7 @@ class Run:
         *,
         strikers: Mapping[int, Number] | None = None,
         drives: Sequence[Mapping[str, Any]] = (),
+        baths: Sequence[Mapping[str, Any]] = (),
         initial: Initial | None = None,
         seed: int | None = None,
         duration_s: Number,
@@ -81,6 +83,7 @@ class Run:
         ]
         config["striker"] = each[0] if len(each) == 1 else each
         config["drive"] = tables("drives", drives)
+        config["bath"] = tables("baths", baths)
         config["initial"] = None if initial is None else _initial(initial)
         config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number_if_any("dt_s", dt_s)}
         config["integrator"] = {"method": method}

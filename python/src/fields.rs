@@ -135,8 +135,8 @@ pub(crate) fn field_of<'py>(
     Ok(PyArray1::from_iter(py, values))
 }
 
-/// Displacements and velocities of resonators, dissipated work, works and displacements of drives.
-pub(crate) type Parts<'py> = [Bound<'py, PyArray1<f64>>; 5];
+/// Displacements and velocities of resonators, dissipated work, works and displacements of drives, heat of baths.
+pub(crate) type Parts<'py> = [Bound<'py, PyArray1<f64>>; 6];
 
 /// The parts of a state's `extra`, which are none where the run has none.
 pub(crate) fn parts_of<'py>(
@@ -151,7 +151,8 @@ pub(crate) fn parts_of<'py>(
     let row = rows.drives_of(extra);
     let of_drives =
         |which: usize| PyArray1::from_iter(py, row.iter().take(2 * drives).skip(which).step_by(2).copied());
-    Ok([w_m, w_m_s, rows.work_of(extra).to_pyarray(py), of_drives(0), of_drives(1)])
+    let heat_j = rows.heat_of(extra).to_pyarray(py);
+    Ok([w_m, w_m_s, rows.work_of(extra).to_pyarray(py), of_drives(0), of_drives(1), heat_j])
 }
 
 /// Forces (N) of the contacts with the left and the right wall, with damping and those at rest, of `[u_m, v_m_s, extra]`; 0 at a free

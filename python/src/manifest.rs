@@ -70,7 +70,7 @@ impl Manifest {
     }
 
     /// The parts of a state's `extra`: displacements (m) and velocities (m/s) of resonators and dissipated work (J), a value for each bead
-    /// or none; work (J) and displacement (m) of each drive.
+    /// or none; work (J) and displacement (m) of each drive; heat (J) that baths have given, a value for each bead or none.
     fn parts_of<'py>(&self, py: Python<'py>, extra: PyReadonlyArray1<'_, f64>) -> PyResult<Parts<'py>> {
         parts_of(py, &self.chain, self.run.physics.drives.len(), &extra)
     }

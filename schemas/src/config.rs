@@ -17,13 +17,16 @@ pub use crate::config_error::{ConfigError, line_at, line_of_key};
 pub use crate::damping::{DampingConfig, PowerDamping};
 pub use bonds::{Bond, Bonds, SecondPower};
 pub use disorder::{Disorder, Disordered, TwoValued};
-pub use initial::{FromRecording, Gaussian, Initial, ModeShape, PlaneWave, Solitary, Thermal};
+pub use initial::{
+    FromRecording, Gaussian, Initial, ModeEnergies, ModeShape, Phase, PlaneWave, Solitary, Thermal,
+};
 pub use profile::Profile;
 pub use sites::{OnSite, Resonators};
 pub use spheres::{OddSphere, Sphere, Spheres, WallMaterial};
 pub use strikers::Strikers;
 
 use crate::amounts::count;
+use crate::bath::Bath;
 use crate::drive::Drive;
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
@@ -36,7 +39,7 @@ pub struct RunConfig {
     /// Name of the run on the bus, `[a-z0-9-]{1,64}`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Seed of disorder and thermal velocities.
+    /// Seed of disorder, thermal velocities and baths.
     #[serde(default, skip_serializing_if = "is_seedless")]
     pub seed: u64,
     /// The beads and their contacts.
@@ -68,6 +71,9 @@ pub struct RunConfig {
     /// Drives of walls and beads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drive: Vec<Drive>,
+    /// Heat baths.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bath: Vec<Bath>,
     /// Duration and time step.
     pub time: TimeConfig,
     /// The integration method.
@@ -363,7 +369,8 @@ impl RunConfig {
 
     /// Refuses a run in which nothing moves.
     fn is_moved_in(&self, document: &toml::Table) -> Result<(), ConfigError> {
-        if !document.contains_key("striker") && self.drive.is_empty() && self.initial.is_none() {
+        let moves = !self.drive.is_empty() || !self.bath.is_empty() || !self.initial.is_none();
+        if !document.contains_key("striker") && !moves {
             return Err(ConfigError::missing("striker"));
         }
         Ok(())

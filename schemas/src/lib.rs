@@ -5,6 +5,7 @@
 //! function, over a resolved [`chain`].
 
 pub mod amounts;
+pub mod bath;
 pub mod chain;
 pub mod config;
 mod config_error;

@@ -431,7 +431,7 @@ mod tests {
         let page = page.split("## Sweeps").next().expect("a part");
         let blocks: Vec<&str> =
             page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 11);
+        assert_eq!(blocks.len(), 12);
         for block in &blocks {
             let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
             let physics = Physics::resolve(&config);

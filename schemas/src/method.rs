@@ -38,6 +38,8 @@ pub enum Feature {
     Ring,
     /// Walls and beads that are moved or pushed.
     Drives,
+    /// Beads that baths slow down and shake.
+    Baths,
 }
 
 impl fmt::Display for Feature {
@@ -50,6 +52,7 @@ impl fmt::Display for Feature {
             Self::Resonators => "[resonators]",
             Self::Ring => "periodic ends",
             Self::Drives => "[[drive]]",
+            Self::Baths => "[[bath]]",
         })
     }
 }
@@ -74,8 +77,14 @@ struct Row {
     blunt: Option<(f64, f64)>,
 }
 
-const FORCES_OF_POSITION: &[Feature] =
-    &[Feature::OtherLaws, Feature::OnSite, Feature::Resonators, Feature::Ring, Feature::Drives];
+const FORCES_OF_POSITION: &[Feature] = &[
+    Feature::OtherLaws,
+    Feature::OnSite,
+    Feature::Resonators,
+    Feature::Ring,
+    Feature::Drives,
+    Feature::Baths,
+];
 
 /// Every method, in the order of the documentation. A configuration that names none has `rkn4`, or the first one that takes it.
 const TABLE: [Row; 4] = [

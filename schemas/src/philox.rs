@@ -21,6 +21,7 @@ const ROUNDS: u32 = 10;
 /// assert_eq!(philox4x32([0, 0], [0; 4]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
 /// ```
 #[must_use]
+#[inline(always)]
 pub fn philox4x32(key: [u32; 2], counter: [u32; 4]) -> [u32; 4] {
     let mut key = key;
     let mut words = counter;
@@ -36,11 +37,12 @@ pub fn philox4x32(key: [u32; 2], counter: [u32; 4]) -> [u32; 4] {
 }
 
 /// The four words of an index in a stream of a seed: the key is the seed (low word, high word), the counter is the index (low word,
-/// high word), the stream and 0.
+/// high word) and the stream.
 #[must_use]
-pub fn words(seed: u64, stream: u32, index: u64) -> [u32; 4] {
-    let [index_low, index_high] = halves(index);
-    philox4x32(halves(seed), [index_low, index_high, stream, 0])
+#[inline(always)]
+pub fn words(seed: u64, index: u64, stream: [u32; 2]) -> [u32; 4] {
+    let ([index_low, index_high], [first, second]) = (halves(index), stream);
+    philox4x32(halves(seed), [index_low, index_high, first, second])
 }
 
 /// A number in `[0, 1)`, a multiple of 2⁻⁵³: `((w0 ≫ 5)·2²⁶ + (w1 ≫ 6)) / 2⁵³` of the first two [`words`], exact in a double.
@@ -54,13 +56,14 @@ pub fn words(seed: u64, stream: u32, index: u64) -> [u32; 4] {
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "53 bits are exact in a double")]
 pub fn uniform(seed: u64, stream: u32, index: u64) -> f64 {
-    let [first, second, ..] = words(seed, stream, index);
+    let [first, second, ..] = words(seed, index, [stream, 0]);
     let bits = ((u64::from(first) >> 5) << 26) + (u64::from(second) >> 6);
     bits as f64 / (1_u64 << 53) as f64
 }
 
 /// The low and the high word.
 #[expect(clippy::cast_possible_truncation, reason = "words are what is wanted")]
+#[inline(always)]
 fn halves(value: u64) -> [u32; 2] {
     [value as u32, (value >> 32) as u32]
 }
@@ -88,8 +91,8 @@ mod tests {
         let seed = 0x299f_31d0_a409_3822;
         let index = 0x85a3_08d3_243f_6a88;
         assert_eq!(
-            words(seed, 0x1319_8a2e, index),
-            philox4x32([0xa409_3822, 0x299f_31d0], [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0])
+            words(seed, index, [0x1319_8a2e, 0x0370_7344]),
+            philox4x32([0xa409_3822, 0x299f_31d0], [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344])
         );
     }
 

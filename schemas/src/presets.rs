@@ -22,7 +22,7 @@ pub struct Preset {
 }
 
 /// Every preset; the first is the default.
-pub const PRESETS: [Preset; 22] = [
+pub const PRESETS: [Preset; 23] = [
     Preset {
         name: "light-impurity",
         about: "1000 beads, bead 500 of 0.6 g: the impurity rattles and emits solitary waves both ways",
@@ -190,6 +190,13 @@ pub const PRESETS: [Preset; 22] = [
         duration_s: 100.0,
         change: field::thermal,
     },
+    Preset {
+        name: "hot-and-cold",
+        about: "32 masses on springs with a cubic part, between a hot and a cold bath: heat flows through them",
+        beads: 32,
+        duration_s: 5_000.0,
+        change: field::hot_and_cold,
+    },
 ];
 
 /// One bead of another mass.
@@ -233,6 +240,7 @@ impl Preset {
             striker: StrikerConfig { bead: 0, velocity_m_s: 5.0 }.into(),
             initial: Initial::default(),
             drive: Vec::new(),
+            bath: Vec::new(),
             time: TimeConfig { duration_s: self.duration_s, dt_s: None },
             integrator: IntegratorConfig::default(),
             stream: StreamConfig::default(),
@@ -282,6 +290,7 @@ mod tests {
             ("toda", 8_155),
             ("piston", 26_667),
             ("thermal", 6_205),
+            ("hot-and-cold", 100_000),
         ];
         for (preset, expected) in PRESETS.iter().zip(steps) {
             let physics = Physics::resolve(&preset.config()).expect(preset.name);

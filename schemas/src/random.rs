@@ -14,11 +14,19 @@ use crate::philox::{uniform, words};
 /// assert_eq!(normal(7, 0, 12), normal(7, 0, 12));
 /// ```
 pub fn normal(seed: u64, stream: u32, index: u64) -> f64 {
-    let [w0, w1, w2, w3] = words(seed, stream, index);
+    normals(seed, index, [stream, 0])[0]
+}
+
+/// Two independent [`normal`] numbers of an index in a stream of two words: the cosine's, and with the sine in its place another one.
+#[inline(always)]
+pub fn normals(seed: u64, index: u64, stream: [u32; 2]) -> [f64; 2] {
+    let [w0, w1, w2, w3] = words(seed, index, stream);
     let whole = (1_u64 << 53) as f64;
     let bits = |high: u32, low: u32| (u64::from(high) >> 5 << 26) + (u64::from(low) >> 6);
     let (a, b) = ((bits(w0, w1) + 1) as f64 / whole, bits(w2, w3) as f64 / whole);
-    (0.0 - 2.0 * ln(a)).sqrt() * sine_cosine((b, 0.0)).1
+    let radius = (0.0 - 2.0 * ln(a)).sqrt();
+    let (sine, cosine) = sine_cosine((b, 0.0));
+    [radius * cosine, radius * sine]
 }
 
 /// A random order of the numbers from 0 to below `count`: for i = count − 1 … 1 in turn, the numbers at the places i and
@@ -81,7 +89,7 @@ mod tests {
             let seed = number("seed");
             let found = match row["of"].as_str().expect("of what") {
                 "words" => {
-                    let words = crate::philox::words(seed, stream(), number("index"));
+                    let words = crate::philox::words(seed, number("index"), [stream(), 0]);
                     words.map(|word| format!("{word:08x}")).to_vec().into()
                 }
                 "uniform" => hex(uniform(seed, stream(), number("index"))).into(),

@@ -13,12 +13,14 @@ pub struct Rows {
     /// True if there is a row of the drives: value 2d is the work (J) that drive d has done, 2d + 1 the displacement (m) of
     /// the wall or bead that it moves.
     pub drives: bool,
+    /// True if there is a row of the heat (J) that baths have given: value i to bead i, or by a bath of pairs in contact i.
+    pub heat: bool,
 }
 
 impl Rows {
     /// Number of rows.
     pub fn count(&self) -> usize {
-        self.of_method + 2 * usize::from(self.resonators) + usize::from(self.work) + usize::from(self.drives)
+        self.before_heat() + usize::from(self.heat)
     }
 
     /// The row of `extra` that begins `after` rows of N values behind those of the method; empty unless `is_there`.
@@ -48,7 +50,23 @@ impl Rows {
         self.row(extra, self.before_work() + usize::from(self.work), self.drives)
     }
 
-    /// The same rows, to write to: resonators (displacements, velocities), work, drives.
+    /// Number of rows before that of the heat, which is the last one.
+    fn before_heat(self) -> usize {
+        self.of_method + self.before_work() + usize::from(self.work) + usize::from(self.drives)
+    }
+
+    /// The heat (J) that baths have given at each place, N values, or none.
+    pub fn heat_of<'a>(&self, extra: &'a [f64]) -> &'a [f64] {
+        self.row(extra, self.before_heat() - self.of_method, self.heat)
+    }
+
+    /// [`heat_of`](Self::heat_of), to write to.
+    pub fn heat_mut<'a>(&self, extra: &'a mut [f64]) -> &'a mut [f64] {
+        let start = extra.len() - self.heat_of(extra).len();
+        &mut extra[start..]
+    }
+
+    /// The rows before that, to write to: resonators (displacements, velocities), work, drives.
     pub fn split_mut<'a>(&self, extra: &'a mut [f64]) -> [&'a mut [f64]; 4] {
         let n = if self.count() > 0 { extra.len() / self.count() } else { 0 };
         let rest = &mut extra[self.of_method * n..];

@@ -11,7 +11,7 @@ pub struct Summary {
     pub energy: Energy,
     /// Work (J) that damped contacts and drag have dissipated so far.
     pub dissipated_j: f64,
-    /// Work (J) that drives have done so far.
+    /// Energy (J) that drives and baths have given so far.
     pub driven_j: f64,
     /// [`relative_drift`] against the energy of the initial state, also where a piston has most of it: this meaning is fixed,
     /// because recordings keep the number. Programs report [`Drift`].
@@ -98,10 +98,10 @@ pub fn relative_drift(energy_j: f64, initial_j: f64) -> f64 {
     if energy_j == initial_j { 0.0 } else { (energy_j - initial_j) / initial_j }
 }
 
-/// The least energy (J) that the drift of a driven chain is relative to: that of a bead at the speed `L/T`; none without drives.
+/// The least energy (J) that the drift of a driven chain is relative to: that of a bead at the speed `L/T`; none without drives and baths.
 fn driven_at_least_j(physics: &Physics) -> Option<f64> {
     let speed_m_s = physics.scales().speed_m_s();
-    (!physics.drives.is_empty()).then_some(0.5 * physics.bead_mass_kg * (speed_m_s * speed_m_s))
+    physics.is_driven().then_some(0.5 * physics.bead_mass_kg * (speed_m_s * speed_m_s))
 }
 
 /// Error of the energy of a driven chain: the energy that it has and has dissipated, `kept_j`, less the initial energy and the work

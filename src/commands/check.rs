@@ -2,7 +2,7 @@
 
 use crate::args::CheckArgs;
 use crate::configuration::{configure, replaced_key};
-use crate::determining::{explanation, json, table};
+use crate::determining::{check_noise, explanation, json, table};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_place, check_tables, extension};
@@ -35,6 +35,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     outputs.iter().try_for_each(|path| check_place(path, source, args.force))?;
     let subject = subject(args)?;
     let (manifest, physics) = (&subject.manifest, &subject.manifest.physics);
+    check_noise(physics)?;
 
     let stop = signals::bounded_stop_flag()?;
     let mut progress = Progress::new(subject.last_step, manifest.provenance.name.as_str());

@@ -62,6 +62,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         report(args.json, &found, text)?;
         return Ok(Done::Whole);
     }
+    if args.check {
+        determining::check_noise(&manifest.physics)?;
+    }
     spool.as_ref().map_or(Ok(()), Spool::prepare)?;
     let out = start.check_out(force)?;
     let options = WriteOptions { force, ..write_options(args) };

@@ -8,14 +8,15 @@ use schemas::frame::{FrameSource, Received};
 use serde_json::Value;
 use std::thread;
 
-/// The chains that are held against an independent integrator.
-const CASES: &str = include_str!("../reference/driven-state-cases.json");
+/// The chains that are held against an independent integrator, and chains with baths.
+const CASES: [&str; 2] =
+    [include_str!("../reference/driven-state-cases.json"), include_str!("../reference/bath-cases.json")];
 
 /// Name and configuration of each.
 fn cases() -> Vec<(String, String)> {
-    let cases: Vec<Value> = serde_json::from_str(CASES).unwrap();
+    let cases = CASES.map(|text| serde_json::from_str::<Vec<Value>>(text).unwrap());
     let text = |case: &Value, key: &str| case[key].as_str().unwrap().to_owned();
-    cases.iter().map(|case| (text(case, "name"), text(case, "toml"))).collect()
+    cases.iter().flatten().map(|case| (text(case, "name"), text(case, "toml"))).collect()
 }
 
 /// Each of them written to a file.
@@ -91,7 +92,7 @@ fn every_interrupted_chain_is_gone_on_with() {
 #[test]
 fn live_is_the_same_as_a_file() {
     let (place, _) = written();
-    for name in ["sine-wall", "mass-in-mass", "damped-resonance"] {
+    for name in ["sine-wall", "mass-in-mass", "damped-resonance", "bath-and-drive"] {
         let run = place.start(&format!("run {name}.toml --wait-for 1"));
         place.wait_for_run(name, |_| true);
         place.run(&format!("energies live:{name} --out {name}-live.csv")).exits(0);

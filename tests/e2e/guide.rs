@@ -212,6 +212,11 @@ fn stability() {
 }
 
 #[test]
+fn heat() {
+    read("docs/guide/12-heat.md");
+}
+
+#[test]
 fn questions() {
     read("docs/guide/10-questions.md");
 }

@@ -12,6 +12,7 @@ import struct
 from decimal import Decimal, localcontext
 
 import numpy as np
+from baths import Bath
 from pieces import Piece, knots, pieces
 from waveforms import Waveform, expm1, q2
 
@@ -266,6 +267,8 @@ class Chain:
         )
         self.drives = [Drive(entry, self.dt) for entry in physics.get("drives", ())]
         self.knots = knots([drive.wave for drive in self.drives], self.dt) if physics.get("kernel_version", 2) > 2 else []
+        seed = physics.get("seed", 0)
+        self.baths = [Bath(entry, m, self.ring, self.dt, seed) for entry in physics.get("baths", ())]
         damping = physics.get("damping") or ()
         self.damped, self.restitution = bool(damping), "restitution" in damping
         self.damping = Power(more["q"]) if more.get("q") else None
@@ -277,7 +280,9 @@ class Chain:
         elif self.method not in KICKS and self.method != "rk5":
             raise Wrong(f"the method {self.method}")
         names += ["w", "w_v"] * (self.m_r is not None) + ["W"] * (self.damped or self.drag is not None)
-        self.names = names + ["drives"] * bool(self.drives)
+        self.names = names + ["drives"] * bool(self.drives) + ["heat"] * bool(self.baths)
+        if self.baths and self.method not in KICKS:
+            raise Wrong(f"baths with {self.method}")
         if self.method != "rk5" and (self.drag is not None or self.damped):
             raise Wrong(f"damping or drag with {self.method}")
         beyond = (self.on_site, self.on_site_cubic, self.m_r)
@@ -288,8 +293,17 @@ class Chain:
         """The state of step n + 1 from that of step n."""
         if self.method == "gear5":
             return self.gear5(state)
+        state = self.bathed(state, n, 0)
         for piece in pieces(self.knots, n, self.dt):
             state = self.piece(state, piece)
+        return self.bathed(state, n, 1)
+
+    def bathed(self, state, n, half):
+        """What baths make of a state before (0) or after (1) step n."""
+        if self.baths:
+            state = state.copy()
+        for bath in reversed(self.baths) if half else self.baths:
+            bath.act(state[1], self.part(state, "heat"), n, half)
         return state
 
     def piece(self, state, piece):
@@ -523,6 +537,8 @@ class Chain:
         for i, drive in enumerate(self.drives):
             x[drive.at] = row[2 * i + 1]
             driven = driven + row[2 * i]
+        for heat in self.part(state, "heat") if self.baths else ():
+            driven = driven + heat
         a = self.approach(u, x.get("left", 0.0), x.get("right", 0.0))
         contact = excess = 0.0
         for law in self.laws:

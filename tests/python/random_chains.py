@@ -17,9 +17,9 @@ LOGARITHM = [2 / (2 * j + 1) for j in range(1, 12)]
 ROOT_2, H, L = doubles_of("3ff6a09e667f3bcd 3fe62e42fee00000 3dea39ef35793c76")
 
 
-def words(seed, stream, index):
+def words(seed, stream, index, second=0):
     k0, k1 = seed & MASK, seed >> 32
-    c0, c1, c2, c3 = index & MASK, index >> 32, stream, 0
+    c0, c1, c2, c3 = index & MASK, index >> 32, stream, second
     for _ in range(10):
         p, q = 0xD2511F53 * c0, 0xCD9E8D57 * c2
         c0, c1, c2, c3 = q >> 32 ^ c1 ^ k0, q & MASK, p >> 32 ^ c3 ^ k1, p & MASK
@@ -48,10 +48,16 @@ def ln(x):
     return n * H - ((h - r) - f)
 
 
-def normal(seed, stream, index):
-    w = words(seed, stream, index)
+def normals(w):
+    """The normal number of four words, and the one with the sine in place of the cosine."""
     a, b = (bits(w[0], w[1]) + 1) / 2**53, bits(w[2], w[3]) / 2**53
-    return math.sqrt(0.0 - 2 * ln(a)) * sincos(b, 0.0)[1]
+    sin, cos = sincos(b, 0.0)
+    root = math.sqrt(0.0 - 2 * ln(a))
+    return root * cos, root * sin
+
+
+def normal(seed, stream, index):
+    return normals(words(seed, stream, index))[0]
 
 
 def order(seed, stream, count):

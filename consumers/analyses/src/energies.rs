@@ -50,7 +50,7 @@ const COLUMNS: [Meaning; ENERGIES.len()] = [
     Meaning::number("relative_drift", "error of the balance of energies, over the initial energy"),
     Meaning::number("inbound_j", "energy that may still cross the split bead"),
     Meaning::number("corrected_j", "reflected energy without the recoil"),
-    Meaning::number("driven_j", "work that drives have done"),
+    Meaning::number("driven_j", "energy that drives and baths have given"),
 ];
 
 const SUMMARY: [Meaning; 18] = {

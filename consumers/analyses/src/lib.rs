@@ -7,8 +7,10 @@ pub mod contacts;
 pub mod deformation;
 pub mod energies;
 pub mod forces;
+pub mod heat;
 pub mod impurity;
 pub mod lyapunov;
+pub mod modal;
 pub mod modes;
 mod places;
 pub mod pulses;
@@ -19,7 +21,7 @@ use consumers::analysis::Offer;
 use std::sync::{PoisonError, RwLock};
 
 /// Ours, in the order of the documentation.
-static OURS: [&Offer; 10] = [
+static OURS: [&Offer; 12] = [
     &energies::OFFER,
     &impurity::OFFER,
     &contacts::OFFER,
@@ -29,7 +31,9 @@ static OURS: [&Offer; 10] = [
     &forces::OFFER,
     &spectrum::OFFER,
     &modes::OFFER,
+    &modal::OFFER,
     &lyapunov::OFFER,
+    &heat::OFFER,
 ];
 
 static ADDED: RwLock<Vec<&'static Offer>> = RwLock::new(Vec::new());

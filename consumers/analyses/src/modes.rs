@@ -9,10 +9,12 @@ use consumers::table::{Cell, Column};
 use figure::{Figure, FigureError};
 use plots::{ModeShape, ModesShown};
 use schemas::amounts::{count, quantity, range};
+use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::ResultColumns;
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::Arc;
 use waves::dispersion::{Band, UnitCell};
@@ -88,6 +90,19 @@ fn modes_of(chain: &LinearChain) -> Result<Arc<Modes>, ModesError> {
     })
 }
 
+/// Displacements (m) and velocities (m/s) of all beads, and of the resonators that are there after them.
+pub(crate) fn with_resonators<'a>(chain: &Chain, frame: &Frame<'a>) -> [Cow<'a, [f64]>; 2] {
+    if !chain.sites.has_resonators() {
+        return [Cow::Borrowed(frame.u_m), Cow::Borrowed(frame.v_m_s)];
+    }
+    let inner = chain.rows.resonators_of(frame.extra);
+    let there = |values: &[f64]| {
+        values.iter().zip(&chain.sites.resonator_kg).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect()
+    };
+    let [w_m, w_m_s]: [Vec<f64>; 2] = inner.map(there);
+    [[frame.u_m, &w_m].concat().into(), [frame.v_m_s, &w_m_s].concat().into()]
+}
+
 /// Subject of the report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Subject {
@@ -99,6 +114,7 @@ enum Subject {
 
 struct ModeAnalysis {
     manifest: RunManifest,
+    chain: Chain,
     subject: Subject,
     /// Empty where the chain repeats no unit.
     bands_hz: Vec<Band>,
@@ -125,7 +141,8 @@ impl ModeAnalysis {
             let why = "--mode chooses modes for --shapes or --energy; without them all are listed";
             return Err(why.to_owned().into());
         }
-        let chain = LinearChain::of(&manifest.physics.chain()).map_err(|error| error.to_string())?;
+        let whole = manifest.physics.chain();
+        let chain = LinearChain::of(&whole).map_err(|error| error.to_string())?;
         let count = Modes::count_of(&chain).map_err(|error| error.to_string())?;
         let asked = beginning.numbers("mode", "modes", 1..=count as u64)?;
         if asked.len() > MOST {
@@ -145,6 +162,7 @@ impl ModeAnalysis {
             curves: vec![Series::default(); chosen.len()],
             chosen,
             subject,
+            chain: whole,
             manifest,
         })
     }
@@ -210,7 +228,8 @@ impl Analysis for ModeAnalysis {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let Some(modes) = &self.modes else { return };
         self.row.clear();
-        self.row.extend(self.chosen.iter().map(|mode| modes.energy_j(*mode, frame.u_m, frame.v_m_s)));
+        let [u_m, v_m_s] = with_resonators(&self.chain, frame);
+        self.row.extend(self.chosen.iter().map(|mode| modes.energy_j(*mode, &u_m, &v_m_s)));
         for ((energy_j, largest_j), curve) in self.row.iter().zip(&mut self.largest_j).zip(&mut self.curves) {
             *largest_j = if *energy_j > *largest_j { *energy_j } else { *largest_j };
             curve.push(frame.time_s, [*energy_j]);

@@ -1,12 +1,13 @@
 //! Loads the things that a configuration names and a run has to hold: tables in files, states of recordings, exact
-//! solitary waves.
+//! solitary waves, modes, states of a given energy.
 
 mod solitary;
+mod states;
 
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use recording::RecordingSource;
-use schemas::config::{ConfigError, FromRecording, RunConfig};
+use schemas::config::{ConfigError, FromRecording, Initial, RunConfig, StrikerConfig};
 use schemas::drive::{Waveform, table_from_csv};
 use schemas::frame::{FrameSource, Received};
 use sha2::{Digest, Sha256};
@@ -21,9 +22,18 @@ use storage::is_url;
 pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfig, ConfigError> {
     let beside = |path: &Path| beside.filter(|_| !is_url(path));
     let place = |path: &Path| beside(path).map_or_else(|| path.to_owned(), |beside| beside.join(path));
-    for (i, drive) in config.drive.iter_mut().enumerate() {
-        if let Waveform::Csv { csv, interpolation } = &drive.waveform {
-            let key = format!("drive[{i}].{}.csv", drive.prescribes.key());
+    let of_drives = config
+        .drive
+        .iter_mut()
+        .enumerate()
+        .map(|(i, drive)| (format!("drive[{i}].{}", drive.prescribes.key()), &mut drive.waveform));
+    let of_baths = config.bath.iter_mut().enumerate().flat_map(|(i, bath)| {
+        let joule = bath.temperature_j.iter_mut().map(move |t| (format!("bath[{i}].temperature_j"), t));
+        joule.chain(bath.temperature_k.iter_mut().map(move |t| (format!("bath[{i}].temperature_k"), t)))
+    });
+    for (key, waveform) in of_drives.chain(of_baths) {
+        if let Waveform::Csv { csv, interpolation } = waveform {
+            let key = format!("{key}.csv");
             let path = place(csv);
             let refuse = |why: &dyn fmt::Display| {
                 let found = format!("found {}: {why}", path.display());
@@ -32,7 +42,7 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
             let text = std::fs::read_to_string(&path).map_err(|error| refuse(&error))?;
             let mut table = table_from_csv(&text).map_err(|why| refuse(&why))?;
             table.interpolation = *interpolation;
-            drive.waveform = Waveform::Table(table);
+            *waveform = Waveform::Table(table);
         }
     }
     let beads = usize::try_from(config.chain.beads).unwrap_or(usize::MAX);
@@ -41,6 +51,11 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         add(&mut config.initial.velocities_m_s, v_m_s);
     }
     config.initial.solitary.clear();
+    if let Some(modes) = config.initial.modes.take() {
+        let (u_m, v_m_s) = states::of_modes(&config, &modes)?;
+        add(&mut config.initial.displacements_m, u_m);
+        add(&mut config.initial.velocities_m_s, v_m_s);
+    }
     if let Some(from) = config.initial.from.clone()
         && from.sha256.is_none()
     {
@@ -52,6 +67,12 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         add(&mut config.initial.displacements_m, u_m);
         add(&mut config.initial.velocities_m_s, v_m_s);
         config.initial.from = Some(FromRecording { sha256: Some(sha256), ..from });
+    }
+    if let Some(energy_j) = config.initial.energy_per_bead_j.take() {
+        let (displacements_m, velocities_m_s) = states::of_energy(&config, energy_j)?;
+        let from = config.initial.from.take();
+        config.initial = Initial { displacements_m, velocities_m_s, from, ..Initial::default() };
+        config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
     }
     Ok(config)
 }

@@ -109,6 +109,9 @@ impl<'a> Search<'a> {
     ) -> Result<Self, NoOrbit> {
         let Problem { physics, asked } = family(parameter)?;
         let chain = physics.chain();
+        if !physics.baths.is_empty() {
+            return Err(NoOrbit::Chain("baths shake the chain, and nothing comes back: leave [[bath]] out"));
+        }
         let is_driven = !physics.drives.is_empty();
         let is_conservative = chain.damping.is_none() && !physics.has_drag();
         if !is_driven && !is_conservative {

@@ -134,19 +134,18 @@ impl Modes {
 
     /// Displacement of each bead in a mode, N values, the largest of them 1.
     pub fn shape(&self, mode: usize) -> Vec<f64> {
-        let shape: Vec<f64> = self
-            .vectors
-            .row(mode)
-            .iter()
-            .zip(&self.root_mass)
-            .take(self.beads)
-            .map(|(part, root)| part / root)
-            .collect();
+        let shape = self.unit_shape(mode);
         let farthest = shape.iter().fold(0.0_f64, |far, u| if u.abs() > far.abs() { *u } else { far });
         if farthest == 0.0 {
             return shape;
         }
         shape.into_iter().map(|u| u / farthest).collect()
+    }
+
+    /// Displacement of each bead in a mode for `ẏ = 1` along its unit vector: with velocities of this size its energy is ½ J.
+    pub fn unit_shape(&self, mode: usize) -> Vec<f64> {
+        let parts = self.vectors.row(mode).iter().zip(&self.root_mass).take(self.beads);
+        parts.map(|(part, root_kg)| part / root_kg).collect()
     }
 
     /// The part of a mode's kinetic energy that is in each bead and its resonator together, N values.

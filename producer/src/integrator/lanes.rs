@@ -2,6 +2,7 @@
 
 use super::splitting::{Splitting, Stages};
 use crate::aligned::Padded;
+use crate::baths::Baths;
 use crate::kernel::{Kernel, PerLane, lanes};
 use crate::state::ChainState;
 use pulp::Arch;
@@ -18,6 +19,7 @@ const LONGEST: usize = 1024;
 #[derive(Debug, Clone)]
 pub struct Lanes {
     splitting: Splitting,
+    baths: Option<Baths>,
     /// The numbers of each bead side by side, one of each chain, and the steps made.
     together: ChainState,
     width: usize,
@@ -28,6 +30,7 @@ pub struct Lanes {
 pub(crate) struct Shape {
     stages: Stages,
     chain: Chain,
+    baths: Option<Baths>,
 }
 
 impl Shape {
@@ -40,7 +43,7 @@ impl Shape {
             || chain.sites.has_drag()
             || chain.damping.is_some()
             || chain.bead_count() > LONGEST;
-        (!alone).then_some(Self { stages, chain })
+        (!alone).then(|| Self { stages, baths: Baths::of(physics, &chain), chain })
     }
 
     /// True if chains of both can lie beside each other.
@@ -49,6 +52,7 @@ impl Shape {
         let springs = |chain: &Chain| [chain.sites.has_springs(), chain.sites.cubic_n_per_m3.is_empty()];
         let [one, two] = [&self.chain, &other.chain];
         self.stages == other.stages
+            && self.baths.is_some() == other.baths.is_some()
             && one.bead_count() == two.bead_count()
             && ends(one) == ends(two)
             && springs(one) == springs(two)
@@ -72,36 +76,55 @@ impl Lanes {
     /// Puts chains of like shapes beside each other, with their steps (s) and states.
     pub(crate) fn of<'a>(chains: impl Iterator<Item = (&'a Shape, f64, &'a ChainState)>, arch: Arch) -> Self {
         let (width, chains) = (lanes(arch), chains.collect::<Vec<_>>());
-        let (first, _, _) = chains[0];
+        let (first, _, first_state) = chains[0];
         let numbers = first.chain.bead_count() * width;
+        let baths = first
+            .baths
+            .as_ref()
+            .map(|_| Baths::beside(chains.iter().filter_map(|(shape, ..)| shape.baths.as_ref()), width));
         let mut together = ChainState {
             u_m: Padded::zeros(numbers),
             v_m_s: Padded::zeros(numbers),
-            extra: Padded::zeros(0),
-            step: 0,
+            // the heat of baths is all that such chains have
+            extra: Padded::zeros(if baths.is_some() { numbers } else { 0 }),
+            step: first_state.step,
         };
         let mut dt_s = PerLane::same(0.0);
         for (lane, (_, chain_dt_s, state)) in chains.iter().enumerate() {
             dt_s.0[lane] = *chain_dt_s;
-            for (all, own) in [(&mut together.u_m, &state.u_m), (&mut together.v_m_s, &state.v_m_s)] {
+            let ChainState { u_m, v_m_s, extra, .. } = &mut together;
+            for (all, own) in [(u_m, &state.u_m), (v_m_s, &state.v_m_s), (extra, &state.extra)] {
                 all.iter_mut().skip(lane).step_by(width).zip(own.iter()).for_each(|(to, from)| *to = *from);
             }
         }
         let of_each: Vec<_> = chains.iter().map(|(shape, ..)| &shape.chain).collect();
-        let splitting = Splitting::without_drives(first.stages, dt_s, Kernel::of_many(&of_each, arch));
-        Self { splitting, together, width }
+        let mut kernel = Kernel::of_many(&of_each, arch);
+        baths.iter().flat_map(Baths::beads).for_each(|beads| kernel.shake(&beads));
+        let splitting = Splitting::without_drives(first.stages, dt_s, kernel);
+        Self { splitting, baths, together, width }
     }
 
     /// Advances all by as many steps as one sweep can make, by one at least and `most` at most; gives how many.
     pub(crate) fn advance(&mut self, most: u64) -> u64 {
-        let before = self.together.step;
-        self.splitting.advance(&mut self.together, before + most);
+        let (before, ChainState { v_m_s, extra, .. }) = (self.together.step, &mut self.together);
+        let last = match &mut self.baths {
+            Some(baths) => {
+                baths.before([v_m_s, extra], before);
+                before + 1
+            }
+            None => before + most,
+        };
+        self.splitting.advance(&mut self.together, last);
+        if let Some(baths) = &mut self.baths {
+            baths.after([&mut self.together.v_m_s, &mut self.together.extra], before);
+        }
         self.together.step - before
     }
 
-    /// Copies the displacements and velocities of the chain in `lane` into `state`; its step is the caller's.
+    /// Copies the numbers of the chain in `lane` into `state`; its step is the caller's.
     pub(crate) fn copy_to(&self, lane: usize, state: &mut ChainState) {
-        for (all, own) in [(&self.together.u_m, &mut state.u_m), (&self.together.v_m_s, &mut state.v_m_s)] {
+        let ChainState { u_m, v_m_s, extra, .. } = &self.together;
+        for (all, own) in [(u_m, &mut state.u_m), (v_m_s, &mut state.v_m_s), (extra, &mut state.extra)] {
             own.iter_mut().zip(all.iter().skip(lane).step_by(self.width)).for_each(|(to, from)| *to = *from);
         }
     }

@@ -149,6 +149,19 @@ fn kinds() -> Vec<Variant> {
             (c.ends.left, c.ends.right) = (End::Free, End::Fixed);
         }),
         ("Toda's bonds", |c| bonds(c, &[(TermLaw::Toda(Toda(1e3)), 1e5)])),
+        ("a bath at either end", |c| {
+            let bath = |beads: &str, temperature_j| {
+                let text =
+                    format!("beads = {beads}\ntemperature_j = {temperature_j:e}\nfriction_per_s = 5e4\n");
+                toml::from_str(&text).expect("a bath")
+            };
+            (c.bath, c.ends.left) = (vec![bath("0", 1e-3), bath("-1", 1e-5)], End::Fixed);
+        }),
+        ("pairs in a bath", |c| {
+            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)]);
+            let text = "temperature_j = { ramp = { amplitude = 1e-3, to_s = 1e-6 } }\nfriction_per_s = 5e4\npairs = true\n";
+            c.bath = vec![toml::from_str(text).expect("a bath")];
+        }),
     ]
 }
 

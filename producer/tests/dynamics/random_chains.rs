@@ -120,6 +120,11 @@ impl Kind {
         Self::Jumps,
     ];
 
+    /// All of them.
+    pub(crate) fn every() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().chain(Self::BEYOND)
+    }
+
     pub(crate) fn is_damped(self) -> bool {
         matches!(self, Self::Dashpot | Self::Restitution)
     }

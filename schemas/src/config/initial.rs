@@ -25,9 +25,15 @@ pub struct Initial {
     /// Exact solitary waves, which become lists before a run begins.
     #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "several")]
     pub solitary: Vec<Solitary>,
+    /// Linear modes with given energies, which become lists before a run begins.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub modes: Option<ModeEnergies>,
     /// Normal velocities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thermal: Option<Thermal>,
+    /// The energy (J) of the whole state over the number of beads, to which it is scaled before a run begins.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy_per_bead_j: Option<f64>,
     /// The state of another recording, which becomes lists before a run begins.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<FromRecording>,
@@ -85,6 +91,43 @@ pub struct ModeShape {
     /// The same of the velocities (m/s).
     #[serde(default)]
     pub velocity_m_s: f64,
+}
+
+/// Linear modes of a chain, each with an energy.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeEnergies {
+    /// A mode, counted from 1, and its energy (J); or the first and the last mode of a band, and the energy of each.
+    pub energies_j: Vec<Vec<f64>>,
+    /// The phases of the modes.
+    #[serde(default)]
+    pub phase: Phase,
+}
+
+/// Phases of modes.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(untagged, expecting = "\"random\", or a phase in rad")]
+pub enum Phase {
+    /// All the same (rad): at 0 a mode is displaced and at rest.
+    Rad(f64),
+    /// By the seed of the run.
+    #[default]
+    #[serde(with = "random")]
+    Random,
+}
+
+/// The word for random phases.
+mod random {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    pub(super) fn serialize<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str("random")
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+        let word = String::deserialize(deserializer)?;
+        if word == "random" { Ok(()) } else { Err(D::Error::custom("another word")) }
+    }
 }
 
 /// The solitary wave of an unloaded chain of equal beads, given by its speed or by its amplitude.

@@ -206,6 +206,22 @@ impl Waveform {
         }
     }
 
+    /// True if a value may be below 0; for values that may not.
+    pub(crate) fn can_be_negative(&self) -> bool {
+        match self {
+            Self::Constant(value) => *value < 0.0,
+            Self::Sine(_) | Self::Chirp(_) => true,
+            Self::Gaussian(Gaussian { amplitude, frequency_hz, .. }) => {
+                *amplitude < 0.0 || *frequency_hz != 0.0
+            }
+            Self::Step(Step { amplitude, .. })
+            | Self::Ramp(Ramp { amplitude, .. })
+            | Self::HalfSine(HalfSine { amplitude, .. }) => *amplitude < 0.0,
+            Self::Table(table) => table.values.iter().any(|value| *value < 0.0),
+            Self::Csv { .. } => false,
+        }
+    }
+
     /// The key of a configuration: `sine`.
     pub fn kind(&self) -> &'static str {
         match self {

@@ -1,6 +1,7 @@
 //! Everything that decides the bits of a run.
 
 mod arrays;
+mod baths;
 mod check;
 mod disorder;
 mod drives;
@@ -17,6 +18,7 @@ pub use disorder::Ranges;
 pub use time_step::Limit;
 
 use super::{KERNEL_VERSION, to_json, usize_of};
+use crate::bath::Bath;
 use crate::chain::Energy;
 use crate::config::{
     Bonds, ConfigError, Disorder, End, EndsConfig, Impurity, Initial, LoadConfig, MassRule, OddContact,
@@ -106,6 +108,9 @@ pub struct Physics {
     /// Drives of walls and beads.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<Drive>,
+    /// Heat baths, in the order of the beads.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub baths: Vec<Bath>,
     /// The integration method.
     pub method: Method,
     /// Time step (s).
@@ -139,6 +144,7 @@ impl Physics {
             striker: without_sign(*config.striker),
             strikers: config.striker.more.iter().copied().map(without_sign).collect(),
             drives: config.drive.clone(),
+            baths: config.bath.clone(),
             method: config.integrator.method,
             dt_s: 0.0,
             step_count: 0
@@ -146,10 +152,12 @@ impl Physics {
         physics.impurities.sort_by_key(|impurity| impurity.bead);
         physics.contacts.sort_by_key(|odd| odd.contact);
         physics.odd_spheres.sort_by_key(|odd| odd.bead);
+        physics.baths.iter_mut().for_each(|bath| bath.beads = bath.beads.counted(chain.beads));
         physics.check_chain(&chain.impurities, &chain.contacts)?;
         physics.check_scales_of_spheres()?;
         (physics.dt_s, physics.step_count) = physics.steps(config.time)?;
         physics.check_drive_times()?;
+        physics.check_frictions()?;
         physics.kernel_version = physics.first_kernel();
         Ok(physics)
     }
@@ -158,12 +166,16 @@ impl Physics {
     /// given, but displacements or a load, the scales of a contact with that overlap, [`Scales::of_load`].
     pub fn scales(&self) -> Scales {
         let speed_m_s = self.typical_speed_m_s();
+        let of_overlap =
+            |overlap_m| Scales::of_load(self.bead_mass_kg, overlap_m, self.stiffness, self.alpha);
         if speed_m_s > 0.0 {
-            return Scales::new(self.bead_mass_kg, speed_m_s, self.stiffness, self.alpha);
+            let scales = Scales::new(self.bead_mass_kg, speed_m_s, self.stiffness, self.alpha);
+            // beside a bath, which gives speeds, drives and displacements may press more
+            let pressed_m = if self.baths.is_empty() { 0.0 } else { self.typical_overlap_m() };
+            return if pressed_m > scales.length_m { of_overlap(pressed_m) } else { scales };
         }
         let rest_m = self.largest_rest_overlap_m();
-        let overlap_m = if rest_m > 0.0 { rest_m } else { self.typical_overlap_m() };
-        Scales::of_load(self.bead_mass_kg, overlap_m, self.stiffness, self.alpha)
+        of_overlap(if rest_m > 0.0 { rest_m } else { self.typical_overlap_m() })
     }
 
     /// Energy of the initial state, which every drift is measured against.
@@ -180,6 +192,7 @@ impl Physics {
             resonators: self.resonators.is_some(),
             work: self.damping.is_some() || self.has_drag(),
             drives: !self.drives.is_empty(),
+            heat: !self.baths.is_empty(),
         }
     }
 
@@ -194,6 +207,7 @@ impl Physics {
             (Feature::Resonators, self.resonators.is_some()),
             (Feature::Ring, self.ends.left == End::Periodic),
             (Feature::Drives, !self.drives.is_empty()),
+            (Feature::Baths, !self.baths.is_empty()),
         ];
         all.into_iter().filter(|(_, is_there)| *is_there).map(|(feature, _)| feature).collect()
     }
@@ -225,10 +239,20 @@ impl Physics {
         ordered_sum([self.rows().work_of(extra)], |[work_j]| work_j)
     }
 
-    /// The work (J) that all drives have done so far, from the `extra` of a state.
+    /// The energy (J) that came from outside so far, from the `extra` of a state: the work of all drives and the heat of all baths.
     pub fn driven_j(&self, extra: &[f64]) -> f64 {
         let works = self.rows().drives_of(extra).iter().step_by(2).take(self.drives.len());
-        works.fold(0.0, |sum, work_j| sum + work_j)
+        works.chain(self.rows().heat_of(extra)).fold(0.0, |sum, work_j| sum + work_j)
+    }
+
+    /// True if drives or baths give energy to the chain, or take it.
+    pub fn is_driven(&self) -> bool {
+        !self.drives.is_empty() || !self.baths.is_empty()
+    }
+
+    /// True if the chain is moved by other things than strikers.
+    pub(crate) fn is_moved_otherwise(&self) -> bool {
+        !self.initial.is_none() || self.is_driven()
     }
 
     /// The time `step·dt` (s).

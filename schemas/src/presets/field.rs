@@ -1,5 +1,6 @@
 //! Changes of the presets beyond one struck bead: drives, laws, initial states, disorder, ends.
 
+use crate::bath::{Bath, Beads};
 use crate::config::{
     DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig, Sphere,
     Spheres, StrikerConfig, Thermal,
@@ -140,6 +141,25 @@ pub(super) fn piston(config: &mut RunConfig) {
         prescribes: Quantity::Velocity,
         waveform: Waveform::Constant(1.0),
     }];
+}
+
+/// Two masses at either end are in baths of 0.15 J and 0.05 J.
+pub(super) fn hot_and_cold(config: &mut RunConfig) {
+    bonded(config, &[(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(Spring(3)), 1.0)]);
+    (config.seed, config.ends.left, config.ends.right) = (1, End::Fixed, End::Fixed);
+    let bath = |from: i64, to: Option<i64>, temperature_j: f64| Bath {
+        beads: Beads { from, to },
+        temperature_j: Some(Waveform::Constant(temperature_j)),
+        temperature_k: None,
+        friction_per_s: 1.0,
+        seed: None,
+        pairs: false,
+    };
+    // what becomes 0.1 J of temperature
+    config.initial.thermal = Some(Thermal { temperature_k: None, energy_j: Some(0.1) });
+    config.bath = vec![bath(0, Some(2), 0.15), bath(-2, None, 0.05)];
+    config.time.dt_s = Some(0.05);
+    sparse(config, 20);
 }
 
 pub(super) fn thermal(config: &mut RunConfig) {

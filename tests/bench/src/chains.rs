@@ -81,8 +81,14 @@ const PRESSED: &str = "\
 [time]\nduration_s = 1.0\n
 [integrator]\nmethod = \"velocity-verlet\"\n";
 
+/// Baths at both ends of it.
+const BATHS: &str = "\
+[[bath]]\nbeads = 0\ntemperature_j = 1e-6\nfriction_per_s = 1e4\n
+[[bath]]\nbeads = -1\ntemperature_j = 1e-7\nfriction_per_s = 1e4\n";
+
 /// Forces on beads beside their contacts, as a configuration has them.
-const MORE: [(&str, &str, Floor); 4] = [
+const MORE: [(&str, &str, Floor); 5] = [
+    ("a bath at either end, N = 200", BATHS, Floor::AtMost(1.1)),
     (
         "a force on a bead, N = 200",
         "[[drive]]\nbead = 99\nforce_n = { sine = { amplitude = 1.0, frequency_hz = 1e4 } }\n",

@@ -64,9 +64,12 @@ const WORDS: [&str; 8] = ["1e999", "-1e999", "1e-400", "1E5", "-0", "1.0", "00",
 
 /// Manifests of runs of every kind: those of the presets, and of the chains that `tests/reference` has states of.
 pub fn runs() -> Vec<Value> {
-    let cases: Vec<Value> =
-        serde_json::from_str(include_str!("../../reference/driven-state-cases.json")).unwrap_or_default();
-    let texts = cases.iter().filter_map(|case| case["toml"].as_str());
+    let of = |text| serde_json::from_str::<Vec<Value>>(text).unwrap_or_default();
+    let cases = [
+        of(include_str!("../../reference/driven-state-cases.json")),
+        of(include_str!("../../reference/bath-cases.json")),
+    ];
+    let texts = cases.iter().flatten().filter_map(|case| case["toml"].as_str());
     let configs =
         PRESETS.iter().map(Preset::config).chain(texts.filter_map(|text| RunConfig::from_toml(text).ok()));
     let manifest = |config: RunConfig| {

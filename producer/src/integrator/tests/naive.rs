@@ -4,15 +4,68 @@ use super::*;
 use crate::integrator::splitting::Stages;
 use schemas::chain::Chain;
 use schemas::damping::Damping;
+use schemas::functions::{Moment, exp, exp_m1};
 
 pub(super) fn step(physics: &Physics, state: &mut ChainState) {
+    bathe(physics, state, 0);
     match physics.method {
         Method::VelocityVerlet => splitting_step(physics, VELOCITY_VERLET, state),
         Method::Rkn4 => splitting_step(physics, RKN4, state),
         Method::Gear5 => gear_step(physics, state),
         Method::Rk5 => runge_step(physics, state),
     }
+    bathe(physics, state, 1);
     state.step += 1;
+}
+
+/// Lets the baths of a run act before (0) or after (1) a step: each bath by itself, one bead or pair after the other.
+fn bathe(physics: &Physics, state: &mut ChainState, half: usize) {
+    let (chain, step, dt_s) = (physics.chain(), state.step, physics.dt_s);
+    let mut all = Vec::new();
+    for bath in &physics.baths {
+        let beads = bath.beads.range();
+        for bead in beads.clone() {
+            let next = if bead + 1 < beads.end { bead + 1 } else { 0 };
+            let joins = next > 0 || (chain.is_ring && beads.len() == chain.bead_count());
+            match bath.pairs {
+                true if joins => all.push((bath, bead, Some(next))),
+                true => {}
+                false => all.push((bath, bead, None)),
+            }
+        }
+    }
+    if half == 1 {
+        all.reverse();
+    }
+    for (bath, bead, other) in all {
+        let temperature_j = bath.temperature_j(Moment::new(step + half as u64, dt_s, 0.0));
+        let noise =
+            bath.noise(bath.seed.unwrap_or(physics.seed), step, u32::try_from(bead).expect("a bead"))[half];
+        let (decay, spread) = (
+            exp(-(bath.friction_per_s * (0.5 * dt_s))),
+            (0.0 - exp_m1(-(bath.friction_per_s * dt_s))).sqrt(),
+        );
+        let of = |bead: usize| 1.0 / chain.mass_kg[bead];
+        let before = [state.v_m_s[bead], other.map_or(0.0, |other| state.v_m_s[other])];
+        let after = match other {
+            None => [(decay * before[0] + spread * (temperature_j * of(bead)).sqrt() * noise) + 0.0, 0.0],
+            Some(other) => {
+                let (both, relative) = (of(bead) + of(other), before[0] - before[1]);
+                let change = (decay * relative + spread * (temperature_j * both).sqrt() * noise) - relative;
+                [before[0] + of(bead) / both * change, before[1] - of(other) / both * change]
+            }
+        };
+        let gain = |mass_kg: f64, i: usize| 0.5 * mass_kg * ((after[i] - before[i]) * (after[i] + before[i]));
+        let heat_j = &mut physics.rows().heat_mut(&mut state.extra)[bead];
+        state.v_m_s[bead] = after[0];
+        *heat_j += match other {
+            None => gain(chain.mass_kg[bead], 0),
+            Some(other) => {
+                state.v_m_s[other] = after[1];
+                gain(chain.mass_kg[bead], 0) + gain(chain.mass_kg[other], 1)
+            }
+        };
+    }
 }
 
 /// A contact: overlap (m) at rest, force (N) at rest, stiffness, damping coefficient, stiffness in each term.

@@ -192,7 +192,7 @@ impl Places {
             Method::Random => Draw::Random,
             Method::LatinHypercube => Draw::Ordered(permutation(count, seed, stream + 1)),
             Method::Sobol => {
-                let [shift, ..] = philox::words(seed, stream, 0);
+                let [shift, ..] = philox::words(seed, 0, [stream, 0]);
                 Draw::Sobol { shift, directions: sobol::directions(side) }
             }
         };
@@ -218,7 +218,7 @@ impl Places {
 fn permutation(count: u32, seed: u64, stream: u32) -> Vec<u32> {
     let mut order: Vec<u32> = (0..count).collect();
     for i in (1..order.len()).rev() {
-        let [low, high, ..] = philox::words(seed, stream, i as u64);
+        let [low, high, ..] = philox::words(seed, i as u64, [stream, 0]);
         let random = u128::from(high) << 32 | u128::from(low);
         let other = (random * (i as u128 + 1)) >> 64;
         order.swap(i, usize::try_from(other).unwrap_or(i));

@@ -23,6 +23,7 @@ impl Physics {
             return Err(ConfigError::value("step_count", self.step_count, "1 to 2^52 steps"));
         }
         self.check_drive_times()?;
+        self.check_frictions()?;
         let first = self.first_kernel();
         if self.kernel_version == KERNEL_VERSION && first < KERNEL_VERSION {
             let allowed = format!("{first}, the first version that gives the bits of this run");
@@ -48,6 +49,7 @@ impl Physics {
             ("resonators", self.resonators.is_some()),
             ("initial", !self.initial.is_none()),
             ("drives", !self.drives.is_empty()),
+            ("baths", !self.baths.is_empty()),
             ("ends", newer_end(self.ends.left) || newer_end(self.ends.right)),
             ("damping", self.damping.as_ref().is_some_and(Damping::is_since_1_1)),
             ("method", self.method.is_since_1_1()),
@@ -115,6 +117,7 @@ impl Physics {
         self.check_sites()?;
         self.check_initial()?;
         self.check_drives()?;
+        self.check_baths()?;
         self.check_load()?;
         self.damping.iter().try_for_each(Damping::check)?;
         self.check_velocity()
@@ -250,13 +253,16 @@ impl Physics {
         let velocity_m_s = self.striker.velocity_m_s;
         let is_moved = self.typical_speed_m_s() > 0.0 || self.typical_overlap_m() > 0.0;
         if !is_moved && self.load.is_none() {
-            if self.initial.is_none() && self.drives.is_empty() && self.strikers.is_empty() {
+            if !self.is_moved_otherwise() && self.strikers.is_empty() {
                 let allowed = "a velocity other than 0: nothing else would set this chain in motion";
                 return Err(ConfigError::number("striker.velocity_m_s", velocity_m_s, allowed));
             }
-            let key = if self.drives.is_empty() { "initial" } else { "drive" };
-            let allowed =
-                "a displacement, velocity or force other than 0 somewhere: nothing sets this chain in motion";
+            let key = match self {
+                Self { drives, .. } if !drives.is_empty() => "drive",
+                Self { baths, .. } if !baths.is_empty() => "bath",
+                _ => "initial",
+            };
+            let allowed = "a displacement, velocity, force or temperature other than 0 somewhere: nothing sets this chain in motion";
             return Err(ConfigError::value(key, "only zeros", allowed));
         }
         for (i, striker) in std::iter::once(&self.striker).chain(&self.strikers).enumerate() {

@@ -3,14 +3,12 @@
 use super::arrays::larger;
 use super::check::check_positive;
 use super::{Physics, usize_of};
+use crate::bath::BOLTZMANN_J_K;
 use crate::config::{ConfigError, Gaussian, ModeShape, PlaneWave, Thermal};
 use crate::drive::{Drive, Place, Quantity};
 use crate::functions::{Moment, exp, sine_cosine, two_product, two_sum};
 use crate::random::normal;
 use std::collections::BTreeSet;
-
-/// Boltzmann's constant (J/K), exact in the SI of 2019.
-const BOLTZMANN_J_K: f64 = 1.380_649e-23;
 
 /// The stream of random numbers of thermal velocities; those of disorder count from 0.
 const THERMAL: u32 = u32::MAX;
@@ -28,6 +26,15 @@ impl Physics {
         if !initial.solitary.is_empty() {
             let allowed = "lists: a solitary wave is computed before a run is, by `run` and `sweep`";
             return Err(ConfigError::value("initial.solitary", "a wave", allowed));
+        }
+        for (key, is_there) in [
+            ("initial.modes", initial.modes.is_some()),
+            ("initial.energy_per_bead_j", initial.energy_per_bead_j.is_some()),
+        ] {
+            if is_there {
+                let allowed = "lists: it is computed before a run is, by `run` and `sweep`";
+                return Err(ConfigError::value(key, "a rule", allowed));
+            }
         }
         let lists =
             [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
@@ -178,7 +185,7 @@ impl Physics {
         v_m_s
     }
 
-    /// The largest speed (m/s) that strikers, initial velocities or drives give beads; an estimate for scales. 0 if only
+    /// The largest speed (m/s) that strikers, initial velocities, baths or drives give beads; an estimate for scales. 0 if only
     /// displacements are given.
     pub(super) fn typical_speed_m_s(&self) -> f64 {
         let mut most = 0.0;
@@ -195,6 +202,8 @@ impl Physics {
             // three standard deviations
             with(3.0 * (2.0 * mean_j / self.bead_mass_kg).sqrt());
         }
+        // the same of beads in a bath
+        self.baths.iter().for_each(|bath| with(3.0 * (bath.hottest_j() / self.bead_mass_kg).sqrt()));
         for drive in &self.drives {
             if drive.prescribes == Quantity::Velocity {
                 with(drive.waveform.largest());

@@ -2,6 +2,7 @@
 
 use super::Physics;
 use crate::amounts::{typed, typed_quantity};
+use crate::bath::Bath;
 use crate::config::{Disorder, Disordered, End, MassRule, Sphere, StiffnessRule, TwoValued};
 use crate::damping::Damping;
 use crate::drive::Drive;
@@ -90,6 +91,10 @@ impl Physics {
         phrases.extend(self.drives.iter().take(SHOWN).map(Drive::words));
         if self.drives.len() > SHOWN {
             phrases.push(format!("… ({} drives)", self.drives.len()));
+        }
+        phrases.extend(self.baths.iter().take(SHOWN).map(Bath::words));
+        if self.baths.len() > SHOWN {
+            phrases.push(format!("… ({} baths)", self.baths.len()));
         }
         phrases.extend((!self.initial.is_none()).then(|| "an initial state".to_owned()));
         if !self.strikers.is_empty() {

@@ -8,6 +8,7 @@ use crate::config::{ConfigError, End, TimeConfig};
 use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;
 use crate::power::power;
+use crate::scales::Scales;
 pub use limits::Limit;
 
 /// The step that one part of a chain allows.
@@ -43,7 +44,7 @@ impl Physics {
     /// is smooth and only the frequency of the stiffest contact counts. `T_settle` is `settling_s`. The larger α, the shorter the part of T in which a contact is stiff.
     ///
     /// Smooth forces allow the fraction (that of α = 2) of the shortest time of linear forces, drag four times that of the time in which it
-    /// stops a bead, a drive a hundredth of its shortest period.
+    /// stops a bead, as does the friction of a bath, a drive a hundredth of its shortest period.
     pub fn usual_step(&self) -> (f64, Limit) {
         let shortest = self.allowed().into_iter().reduce(|a, b| if b.usual_s < a.usual_s { b } else { a });
         // every chain has a contact or a bond
@@ -76,6 +77,11 @@ impl Physics {
             longest_s: 0.25 * (4.0 * time_s),
             by: Limit::Drag(bead),
         }));
+        allowed.extend(self.baths.iter().map(|bath| Allowed {
+            usual_s: 4.0 * fraction / bath.friction_per_s,
+            longest_s: f64::INFINITY,
+            by: Limit::Drag(bath.beads.from.unsigned_abs()),
+        }));
         allowed.extend(self.drives.iter().zip(0..).filter_map(|(drive, number)| {
             let usual_s = 0.01 / drive.waveform.highest_hz()?;
             Some(Allowed { usual_s, longest_s: f64::INFINITY, by: Limit::Drive(number) })
@@ -89,7 +95,7 @@ impl Physics {
         let (is_of_the_paper, again) = (self.is_of_the_paper(), self.opens_again_and_again());
         let struck = self.method.struck_step_fraction(law.alpha, is_of_the_paper, again);
         // what is given or driven may open contacts that a load keeps closed
-        let opens = (!self.initial.is_none() || !self.drives.is_empty())
+        let opens = self.is_moved_otherwise()
             && self.typical_overlap_m() + self.struck_overlap_m(law) > self.smallest_rest_overlap_m(law);
         let loaded = if opens { struck } else { fraction };
         let lightest_kg = self.extremes().lightest_kg;
@@ -111,6 +117,12 @@ impl Physics {
             let time_s = self.scales().time_s;
             let longest_s = if loaded_s.is_none() { time_s } else { longest_s };
             by.push((fraction * time_s, longest_s, Limit::Collision));
+        }
+        // beside a bath, which gives speeds, drives and displacements may press more
+        let pressed_m = if self.baths.is_empty() { 0.0 } else { self.typical_overlap_m() };
+        if pressed_m > self.struck_overlap_m(law) {
+            let pressed = Scales::of_load(lightest_kg, pressed_m, law.stiffest, law.alpha);
+            by.push((struck * pressed.time_s, f64::INFINITY, Limit::Collision));
         }
         by.extend(loaded_s.map(|time_s| (loaded * time_s, time_s, Limit::Load)));
         if let (Some(settling_s), Some(damping)) = (self.settling_s(law), self.damping) {
@@ -137,6 +149,7 @@ impl Physics {
         is_walled
             || self.ends.left == End::Periodic
             || swings
+            || !self.baths.is_empty()
             || !self.initial.is_none()
             || !self.on_site.is_none()
     }
@@ -148,7 +161,7 @@ impl Physics {
         let is_even = is_even && self.disorder.is_empty() && self.odd_spheres.is_empty();
         let is_even = is_even && self.spheres.as_ref().is_none_or(|spheres| spheres.0.len() == 1);
         let is_plain = !self.has_other_laws() && self.gaps_m.is_none() && self.resonators.is_none();
-        let is_struck = self.initial.is_none() && self.drives.is_empty();
+        let is_struck = !self.is_moved_otherwise();
         is_even
             && is_plain
             && is_struck

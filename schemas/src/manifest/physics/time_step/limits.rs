@@ -80,7 +80,7 @@ impl Physics {
     /// `(k_l + k_r)/m + k_l/√(m·m_l) + k_r/√(m·m_r)` with the stiffnesses and masses on its left and right.
     pub(super) fn fastest_linear(&self) -> Option<(f64, Limit)> {
         let sites = self.sites();
-        let is_softened = self.initial.is_none() && self.drives.is_empty();
+        let is_softened = !self.is_moved_otherwise();
         if !self.has_other_laws() && sites.is_none() && is_softened {
             return None;
         }
@@ -202,7 +202,7 @@ impl Physics {
     fn energy_for_bonds_j(&self) -> Option<f64> {
         let bonds = self.bonds.as_ref()?;
         let counts = bonds.laws().any(|bond| bond.law.tangent_by_energy(1.0, 1.0).is_some());
-        let is_closed = self.drives.is_empty() && bonds.laws().all(|bond| bond.form.holds);
+        let is_closed = !self.is_driven() && bonds.laws().all(|bond| bond.form.holds);
         (counts && is_closed).then(|| self.initial_energy().total_j())
     }
 }

@@ -1,0 +1,325 @@
+//! Heat in a chain: the current along it, the temperature of each bead, and the conductivity, with errors.
+
+use consumers::analysis::{
+    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, TableFlag,
+};
+use consumers::blocks::{Blocks, Estimate};
+use consumers::table::{Cell, Column};
+use figure::{Axis, Curve, Figure, FigureError, Panel};
+use schemas::amounts::{number, quantity};
+use schemas::chain::Chain;
+use schemas::drive::Waveform;
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+use serde_json::json;
+
+/// The analysis, before it looks at a run.
+pub static OFFER: Offer = Offer {
+    name: "heat",
+    about: "Heat: current along the chain, temperature of each bead, conductivity between baths, with errors",
+    help: "Examples:\n  \
+        beadline heat run.mcap --from 200 --figure heat.png\n  \
+        beadline heat run.mcap --from 200 --profile profile.csv --out current.csv\n  \
+        beadline heat live:hot --figure heat.svg             while the run goes on\n\n\
+        The current from bead i to bead i + 1 is J = ½·F·(v_i + v_(i+1)) with the force F of their contact beyond that at rest: the power that \
+        moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
+        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between the \
+        first and the last bath, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
+        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown.",
+    tables: &[
+        TableFlag { name: "out", help: "Table of the numbers in each frame" },
+        TableFlag {
+            name: "profile",
+            help: "Table of the beads: temperature, current to the next bead, errors",
+        },
+    ],
+    columns: &[
+        Meaning::number("mean_current_w", "current, averaged over the contacts between beads"),
+        Meaning::number("kinetic_temperature_j", "m·v², averaged over the beads"),
+    ],
+    summary: &[
+        Meaning::number("current_w", "current along the chain"),
+        Meaning::number("current_error_w", "its standard error"),
+        Meaning::number(
+            "memory_s",
+            "time in which the current forgets itself: the integral of its autocorrelation",
+        ),
+        Meaning::number("temperature_j", "temperature of the chain"),
+        Meaning::number("temperature_error_j", "its standard error"),
+        Meaning::number("conductivity_per_s", "conductivity between the first and the last bath"),
+        Meaning::number("conductivity_error_per_s", "its standard error"),
+    ],
+    needs: Needs { remake: Remake::OfFrame, ..Needs::FRAMES },
+    begin: |beginning| Ok(Box::new(Heat::begin(beginning)?)),
+    ..Offer::PLAIN
+};
+
+/// The most beads: each takes a hundred numbers.
+const MOST_BEADS: usize = 100_000;
+
+struct Heat {
+    manifest: RunManifest,
+    chain: Chain,
+    /// Temperature (J) of each bead, current (W) through each contact between beads.
+    places: Blocks,
+    /// The row of each frame.
+    rows: Blocks,
+    /// The first and the last time (s).
+    times_s: Option<[f64; 2]>,
+    /// Temperatures (J) of the first and the last bath, if they are constant.
+    baths_j: Option<[f64; 2]>,
+}
+
+impl Heat {
+    fn begin(beginning: &Beginning<'_>) -> Result<Self, Refusal> {
+        let manifest = beginning.manifest.clone();
+        let chain = manifest.physics.chain();
+        let beads = chain.bead_count();
+        if beads > MOST_BEADS {
+            return Err(format!("{beads} beads; allowed: chains of at most {MOST_BEADS} beads").into());
+        }
+        let mut baths: Vec<_> = manifest.physics.baths.iter().collect();
+        baths.sort_by_key(|bath| bath.beads.from);
+        let constant = |bath: &&schemas::bath::Bath| {
+            let start = schemas::functions::Moment::new(0, 0.0, 0.0);
+            let written = bath.temperature_j.as_ref().or(bath.temperature_k.as_ref());
+            matches!(written, Some(Waveform::Constant(_))).then(|| bath.temperature_j(start))
+        };
+        let ends = baths.first().and_then(constant).zip(baths.last().and_then(constant));
+        Ok(Self {
+            baths_j: ends.filter(|(first, last)| first != last).map(<[f64; 2]>::from),
+            places: Blocks::new(2 * beads - 1),
+            rows: Blocks::new(2),
+            times_s: None,
+            chain,
+            manifest,
+        })
+    }
+
+    /// The current (W) through contact `c` between two beads.
+    fn current_w(&self, c: usize, frame: &Frame<'_>) -> f64 {
+        let force_n = self.chain.contact_force_n(frame.u_m, c) - self.chain.rest_force_n[c];
+        0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[c + 1])
+    }
+
+    /// Current (W), temperature (J) and conductivity (1/s).
+    fn found(&self) -> [Estimate; 3] {
+        let [current, temperature] = [0, 1].map(|quantity| self.rows.estimate(quantity));
+        let factor =
+            self.baths_j.map_or(f64::NAN, |[first, last]| self.chain.bead_count() as f64 / (first - last));
+        let conductivity = Estimate {
+            mean: factor * current.mean,
+            error: factor.abs() * current.error,
+            memory_frames: f64::NAN,
+        };
+        [current, temperature, conductivity]
+    }
+
+    /// The memory of the current (s).
+    fn memory_s(&self) -> f64 {
+        let [first_s, last_s] = self.times_s.unwrap_or_default();
+        let steps = self.rows.frames().saturating_sub(1) as f64;
+        self.found()[0].memory_frames * (last_s - first_s) / steps
+    }
+
+    fn temperature(&self, bead: usize) -> Estimate {
+        self.places.estimate(bead)
+    }
+
+    fn current(&self, contact: usize) -> Estimate {
+        self.places.estimate(self.chain.bead_count() + contact)
+    }
+}
+
+impl Analysis for Heat {
+    fn columns(&self, table: usize) -> Vec<Column> {
+        let names = ["bead", "temperature_j", "temperature_error_j", "current_w", "current_error_w"];
+        if table == 1 { names.map(|name| name.to_owned().into()).into() } else { Vec::new() }
+    }
+
+    fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
+        let beads = self.chain.bead_count();
+        let temperatures = self.chain.mass_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v * v));
+        let currents = (0..beads - 1).map(|c| self.current_w(c, frame));
+        let all: Vec<f64> = temperatures.chain(currents).collect();
+        let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
+        let row = [sum(&all[beads..]) / (beads - 1) as f64, sum(&all[..beads]) / beads as f64];
+        self.places.push(all);
+        self.rows.push(row);
+        self.times_s = Some([self.times_s.map_or(frame.time_s, |[first_s, _]| first_s), frame.time_s]);
+        out.row(frame, &row);
+    }
+
+    fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
+        if !out.wants(1) {
+            return Ok(());
+        }
+        let beads = self.chain.bead_count();
+        let cell = |value: f64| Cell::from(Number::Double(value));
+        for bead in 0..beads {
+            let temperature = self.temperature(bead);
+            let current = (bead + 1 < beads).then(|| self.current(bead));
+            let current =
+                current.unwrap_or(Estimate { mean: f64::NAN, error: f64::NAN, memory_frames: f64::NAN });
+            let values = [temperature.mean, temperature.error, current.mean, current.error].map(cell);
+            let line: Vec<Cell> = [Cell::Integer(bead as u64)].into_iter().chain(values).collect();
+            out.line(1, &line);
+        }
+        Ok(())
+    }
+
+    fn report(&mut self) -> Option<Report> {
+        let [current, temperature, conductivity] = self.found();
+        let memory_s = self.memory_s();
+        let with_error = |found: Estimate, unit: &str| {
+            format!("{} ± {}", quantity(found.mean, unit), quantity(found.error, unit))
+        };
+        let mut report = Report { title: "heat", ..Report::default() };
+        let words = &mut report.words;
+        words.add("frames", self.rows.frames());
+        words.add("current", with_error(current, "W"));
+        words.add("memory", format_args!("{} of the current", quantity(memory_s, "s")));
+        words.add("temperature", with_error(temperature, "J"));
+        if self.baths_j.is_some() {
+            let [kappa, error] = [conductivity.mean, conductivity.error].map(number);
+            words.add("conductivity", format_args!("{kappa} ± {error} 1/s"));
+        }
+        report.results = json!({
+            "current_w": current.mean, "current_error_w": current.error, "memory_s": memory_s,
+            "temperature_j": temperature.mean, "temperature_error_j": temperature.error,
+            "conductivity_per_s": conductivity.mean, "conductivity_error_per_s": conductivity.error,
+        });
+        if current.error.is_nan() {
+            report
+                .notices
+                .push("too few frames for errors: at least 8 blocks of frames are needed".to_owned());
+        }
+        Some(report)
+    }
+
+    /// Temperature and current along the chain.
+    fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
+        let curve = |found: Vec<Estimate>, offset: f64| {
+            let at = |i: usize| i as f64 + offset;
+            let band: Vec<_> = found
+                .iter()
+                .enumerate()
+                .map(|(i, found)| (at(i), found.mean - 2.0 * found.error, found.mean + 2.0 * found.error))
+                .collect();
+            Curve::line("", found.iter().enumerate().map(|(i, found)| (at(i), found.mean))).band(band)
+        };
+        let beads = self.chain.bead_count();
+        let temperatures = curve((0..beads).map(|bead| self.temperature(bead)).collect(), 0.0);
+        let currents = curve((0..beads - 1).map(|contact| self.current(contact)).collect(), 0.5);
+        let panel =
+            |label: &str, curve| Panel::new().x_axis(Axis::new("bead")).y_axis(Axis::new(label)).curve(curve);
+        Ok(Some(
+            Figure::new()
+                .shared_x()
+                .caption(plots::caption(&self.manifest))
+                .panel(panel("temperature m<v^{2}> (J)", temperatures).note("bands: two standard errors"))
+                .panel(panel("current (W)", currents)),
+        ))
+    }
+
+    fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
+        let [current, temperature, conductivity] = self.found();
+        Some(Number::Double(match name {
+            "current_w" => current.mean,
+            "current_error_w" => current.error,
+            "memory_s" => self.memory_s(),
+            "temperature_j" => temperature.mean,
+            "temperature_error_j" => temperature.error,
+            "conductivity_per_s" => conductivity.mean,
+            "conductivity_error_per_s" => conductivity.error,
+            _ => return None,
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use consumers::analysis::{LastRow, Settings};
+    use consumers::local_energy::bead_energies_j;
+    use producer::integrator::Integrator;
+    use producer::state::ChainState;
+    use schemas::config::RunConfig;
+    use schemas::manifest::Origin;
+
+    fn manifest(toml: &str) -> RunManifest {
+        let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 };
+        RunManifest::new(&RunConfig::from_toml(toml).unwrap(), "run", origin).unwrap()
+    }
+
+    /// The energy of the beads up to a contact changes by the current through it: to the second order of the step, since currents of
+    /// neighbouring frames are averaged.
+    #[test]
+    fn currents_are_the_changes_of_energy_on_either_side() {
+        for laws in ["alpha = 1.5\nstiffness = 1.0", "bonds = { linear = 1.0, quadratic = 0.5, cubic = 1.0 }"]
+        {
+            let load = if laws.contains("alpha") { "[load]\nprecompression_n = 1.0\n" } else { "" };
+            let manifest = manifest(&format!(
+                "[chain]\nbeads = 10\nbead_mass_kg = 1.0\nmasses = {{ pattern_kg = [1.0, 2.0] }}\n{laws}\n[ends]\nleft = \"fixed\"\n\
+                 {load}[striker]\nbead = 4\nvelocity_m_s = 0.3\n[time]\nduration_s = 20\ndt_s = 0.001\n"
+            ));
+            let settings = Settings::default();
+            let heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
+            let mut state = ChainState::initial(&manifest.physics);
+            let mut integrator = Integrator::new(&manifest.physics);
+            let look = |state: &ChainState| {
+                let frame = state.as_frame(&manifest, 0);
+                let energies_j = bead_energies_j(&heat.chain, &frame);
+                let left_j = |c: usize| energies_j[..=c].iter().sum::<f64>();
+                (0..9).map(|c| [left_j(c), heat.current_w(c, &frame)]).collect::<Vec<_>>()
+            };
+            let (mut before, mut worst, mut largest) = (look(&state), 0.0_f64, 0.0_f64);
+            for _ in 0..4_000 {
+                integrator.step(&mut state);
+                let after = look(&state);
+                for (before, after) in before.iter().zip(&after) {
+                    let lost_w = (before[0] - after[0]) / 0.001;
+                    worst = worst.max((lost_w - 0.5 * (before[1] + after[1])).abs());
+                    largest = largest.max(lost_w.abs());
+                }
+                before = after;
+            }
+            assert!(worst < 2e-6 * largest, "{laws}: {worst:e} of {largest:e}");
+        }
+    }
+
+    /// The chain of Rieder, Lebowitz and Lieb: its exact current lies within four errors, and the profile, too.
+    #[test]
+    fn a_harmonic_chain_between_baths_has_its_current() {
+        let bath = |bead: i32, t: f64| {
+            format!("[[bath]]\nbeads = {bead}\ntemperature_j = {t:?}\nfriction_per_s = 0.5\n")
+        };
+        let manifest = manifest(&format!(
+            "seed = 3\n[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0 }}\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+             {}{}[time]\nduration_s = 200000\ndt_s = 0.1\n",
+            bath(0, 1.5),
+            bath(-1, 0.5)
+        ));
+        let settings = Settings::default();
+        let mut heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
+        let mut state = ChainState::initial(&manifest.physics);
+        let (mut integrator, mut row) = (Integrator::new(&manifest.physics), LastRow::default());
+        while state.step < manifest.physics.step_count {
+            integrator.step(&mut state);
+            if state.step > 10_000 && state.step.is_multiple_of(10) {
+                heat.observe(&state.as_frame(&manifest, state.step), &mut row);
+            }
+        }
+        let [current, temperature, conductivity] = heat.found();
+        let is_near = |found: Estimate, exact: f64| (found.mean - exact).abs() < 4.0 * found.error;
+        assert!(is_near(current, 0.171_572_875) && current.error < 0.01, "{current:?}");
+        assert!(
+            is_near(temperature, 1.0) && is_near(conductivity, 8.0 * 0.171_572_875),
+            "{temperature:?} {conductivity:?}"
+        );
+        assert!(is_near(heat.temperature(0), 1.156_854_249) && is_near(heat.temperature(7), 0.843_145_750));
+        let currents: Vec<f64> = (0..7).map(|contact| heat.current(contact).mean).collect();
+        assert!(currents.iter().all(|found| (found / current.mean - 1.0).abs() < 0.02), "{currents:?}");
+        assert!(heat.memory_s() > 0.1 && heat.memory_s() < 50.0, "{}", heat.memory_s());
+    }
+}

@@ -1,0 +1,199 @@
+//! Initial states that follow from the chain: modes with given energies, and states of a given energy.
+
+use super::refused;
+use schemas::chain::Chain;
+use schemas::config::{
+    ConfigError, End, Initial, ModeEnergies, Phase, RunConfig, StrikerConfig, Strikers, TimeConfig,
+};
+use schemas::functions::sine_cosine;
+use schemas::manifest::Physics;
+use schemas::philox::uniform;
+use std::f64::consts::TAU;
+use waves::linear::LinearChain;
+use waves::modes::Modes;
+
+/// The stream of random phases; those of disorder count from 0, that of thermal velocities is the last.
+const PHASES: u32 = u32::MAX - 1;
+
+/// Displacements (m) and velocities (m/s).
+type State = (Vec<f64>, Vec<f64>);
+
+/// The chain of `config`, whatever moves it.
+fn chain_of(config: &RunConfig) -> Result<Chain, ConfigError> {
+    let mut config = config.clone();
+    let (initial, striker) = (&mut config.initial, StrikerConfig { bead: 0, velocity_m_s: 1.0 });
+    *initial = Initial::default();
+    (config.striker, config.time.dt_s) = (Strikers::from(striker), None);
+    Ok(Physics::resolve(&config)?.chain())
+}
+
+/// The sum of modes of `asked`: `√(2·E)/ω·cos φ` along the unit vector of each, and `−√(2·E)·sin φ` of the velocities.
+pub(super) fn of_modes(config: &RunConfig, asked: &ModeEnergies) -> Result<State, ConfigError> {
+    let key = "initial.modes.energies_j";
+    let linear =
+        LinearChain::of(&chain_of(config)?).map_err(|error| refused("initial.modes", error.to_string()))?;
+    if !linear.resonators.is_empty() {
+        let why =
+            "found in a chain with resonators; allowed: chains without, whose state is that of the beads";
+        return Err(refused("initial.modes", why.to_owned()));
+    }
+    let modes = Modes::of(&linear).map_err(|error| refused("initial.modes", error.to_string()))?;
+    let count = modes.count();
+    let (mut u_m, mut v_m_s) = (vec![0.0; count], vec![0.0; count]);
+    for entry in &asked.energies_j {
+        let (first, last, energy_j) = match entry[..] {
+            [mode, energy_j] => (mode, mode, energy_j),
+            [first, last, energy_j] => (first, last, energy_j),
+            _ => {
+                let why = format!(
+                    "found {} numbers; allowed: [mode, energy] or [first, last, energy of each]",
+                    entry.len()
+                );
+                return Err(refused(key, why));
+            }
+        };
+        let is_mode = |mode: f64| mode.fract() == 0.0 && (1.0..=count as f64).contains(&mode);
+        if !is_mode(first) || !is_mode(last) || first > last {
+            let why = format!("found the modes {first} to {last}; allowed: 1 to {count}, in order");
+            return Err(refused(key, why));
+        }
+        if !(energy_j >= 0.0 && energy_j <= 1e100) {
+            return Err(refused(key, format!("found an energy of {energy_j} J; allowed: 0 to 1e100 J")));
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 4096")]
+        for mode in first as usize - 1..last as usize {
+            let omega = modes.omega_rad_s()[mode];
+            if omega == 0.0 {
+                let why = format!(
+                    "found mode {}, a free motion without a frequency; allowed: the others",
+                    mode + 1
+                );
+                return Err(refused(key, why));
+            }
+            let turns = match asked.phase {
+                Phase::Rad(phase) => phase / TAU,
+                Phase::Random => uniform(config.seed, PHASES, mode as u64),
+            };
+            let ((sine, cosine), size) = (sine_cosine((turns, 0.0)), (2.0 * energy_j).sqrt());
+            let unit = modes.unit_shape(mode);
+            u_m.iter_mut().zip(&unit).for_each(|(u, part)| *u += size / omega * cosine * part);
+            v_m_s.iter_mut().zip(&unit).for_each(|(v, part)| *v -= size * sine * part);
+        }
+    }
+    Ok((u_m, v_m_s))
+}
+
+/// The initial state of `config`, strikers among it, scaled to `energy_j` for each bead; without momentum where nothing holds the chain.
+pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<State, ConfigError> {
+    let key = "initial.energy_per_bead_j";
+    if !(energy_per_bead_j > 0.0 && energy_per_bead_j <= 1e100) {
+        return Err(refused(key, format!("found {energy_per_bead_j}; allowed: more than 0, up to 1e100 J")));
+    }
+    // the step is that of the scaled state
+    let free = RunConfig { time: TimeConfig { dt_s: None, ..config.time }, ..config.clone() };
+    let physics = Physics::resolve(&free)?;
+    let chain = physics.chain();
+    let (u_m, mut v_m_s) = physics.initial_state();
+    let is_held = [config.ends.left, config.ends.right].contains(&End::Fixed) || chain.sites.has_springs();
+    if !is_held {
+        let sum = |of: &dyn Fn(f64, f64) -> f64| {
+            chain.mass_kg.iter().zip(&v_m_s).map(|(m, v)| of(*m, *v)).sum::<f64>()
+        };
+        let drift_m_s = sum(&|m, v| m * v) / sum(&|m, _| m);
+        v_m_s.iter_mut().for_each(|v| *v -= drift_m_s);
+    }
+    let scaled = |factor: f64| -> State {
+        let of = |values: &[f64]| values.iter().map(|x| factor * x).collect();
+        (of(&u_m), of(&v_m_s))
+    };
+    let wanted_j = energy_per_bead_j * chain.bead_count() as f64;
+    let mut contacts_j = vec![0.0; chain.contact_count()];
+    let mut energy_j = |factor: f64| {
+        let (u_m, v_m_s) = scaled(factor);
+        chain.energy(&u_m, &v_m_s, &physics.initial_extra(&u_m), &mut contacts_j).total_j()
+    };
+    if !(energy_j(1.0) > 0.0) {
+        let why = "found a state without energy; allowed: one to be scaled, such as `thermal`, `modes` or a striker";
+        return Err(refused(key, why.to_owned()));
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    while energy_j(high) < wanted_j && high < 1e150 {
+        (low, high) = (high, 2.0 * high);
+    }
+    // down to neighbouring doubles
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        (low, high) = if energy_j(middle) < wanted_j { (middle, high) } else { (low, middle) };
+    }
+    if !((energy_j(high) / wanted_j - 1.0).abs() < 1e-9) {
+        return Err(refused(
+            key,
+            format!("found {energy_per_bead_j}; allowed: an energy that this state comes to by growing"),
+        ));
+    }
+    Ok(scaled(high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use waves::modal::Modal;
+
+    fn config(toml: &str) -> RunConfig {
+        let text = format!(
+            "seed = 4\n[chain]\nbeads = 12\nbead_mass_kg = 1.0\n{toml}\n[time]\nduration_s = 1.0\ndt_s = 0.01\n"
+        );
+        super::super::prepared(RunConfig::from_toml(&text).unwrap(), None).unwrap()
+    }
+
+    #[test]
+    fn modes_have_the_energies_that_were_asked_for() {
+        let walls = "[ends]\nleft = \"fixed\"\nright = \"fixed\"\n";
+        for (chain, phase) in [
+            (
+                "masses = { pattern_kg = [1.0, 3.0] }\nalpha = 1.5\nstiffness = 1.0\n[load]\nprecompression_n = 1.0\n",
+                "\"random\"",
+            ),
+            ("bonds = { linear = 1.0, cubic = 1.0 }\n", "0.3"),
+        ] {
+            let of = format!(
+                "{chain}{walls}[initial]\nmodes = {{ energies_j = [[2, 1e-3], [5, 7, 2e-3]], phase = {phase} }}"
+            );
+            let config = config(&of);
+            let physics = Physics::resolve(&config).unwrap();
+            let mut modal = Modal::of(&LinearChain::of(&physics.chain()).unwrap()).unwrap();
+            let ((u_m, v_m_s), mut found) = (physics.initial_state(), Vec::new());
+            modal.energies_j(&u_m, &v_m_s, &mut found);
+            for (mode, found) in (1..).zip(found) {
+                let expected = match mode {
+                    2 => 1e-3,
+                    5..=7 => 2e-3,
+                    _ => 0.0,
+                };
+                assert!((found - expected).abs() < 1e-14, "mode {mode}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_state_is_scaled_to_its_energy() {
+        for (chain, initial) in [
+            (
+                "bonds = { linear = 1.0, quadratic = 0.3, cubic = 1.0 }\n[ends]\nleft = \"periodic\"\nright = \"periodic\"\n",
+                "thermal = { energy_j = 0.1 }\nplane_wave = { cycles = 1, displacement_m = 0.1 }",
+            ),
+            ("alpha = 1.5\nstiffness = 1.0\n", "velocities_m_s = [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, -0.5]"),
+        ] {
+            let physics =
+                Physics::resolve(&config(&format!("{chain}[initial]\nenergy_per_bead_j = 0.25\n{initial}")))
+                    .unwrap();
+            let found = physics.initial_energy().total_j();
+            assert!((found / 3.0 - 1.0).abs() < 4.0 * f64::EPSILON, "{found}");
+            let (_, v_m_s) = physics.initial_state();
+            assert!(v_m_s.iter().sum::<f64>().abs() < 1e-14);
+        }
+    }
+}

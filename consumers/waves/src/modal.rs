@@ -1,0 +1,233 @@
+//! Energies of all modes of a state at once: by a Fourier transform where modes are waves, by a matrix elsewhere.
+
+use crate::linear::LinearChain;
+use crate::modes::{Modes, ModesError};
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::{PI, TAU};
+use std::fmt;
+use std::sync::Arc;
+
+/// Takes states apart into the modes of their chain.
+pub struct Modal {
+    omega_rad_s: Vec<f64>,
+    parts: Parts,
+}
+
+enum Parts {
+    Matrix(Box<Modes>),
+    /// Equal beads and springs. Displacements and velocities are the real and imaginary parts of one transform.
+    Waves {
+        kind: Kind,
+        root_mass: f64,
+        fft: Arc<dyn Fft<f64>>,
+        numbers: Vec<Complex<f64>>,
+        scratch: Vec<Complex<f64>>,
+    },
+}
+
+/// The ends of a chain of equal beads, and its waves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Walls: sines.
+    Fixed,
+    /// Free ends: cosines.
+    Free,
+    /// A ring: cosines and sines.
+    Ring,
+}
+
+impl fmt::Debug for Modal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match &self.parts {
+            Parts::Matrix(_) => None,
+            Parts::Waves { kind, .. } => Some(kind),
+        };
+        f.debug_struct("Modal").field("modes", &self.omega_rad_s.len()).field("waves", &kind).finish()
+    }
+}
+
+impl Modal {
+    /// The modes of `chain`, in the order of their frequencies; in a ring of equal beads the cosine of a wave before its sine.
+    ///
+    /// # Errors
+    /// When there are too many beads for a matrix, or the equilibrium is unstable.
+    pub fn of(chain: &LinearChain) -> Result<Self, ModesError> {
+        let Some(kind) = Kind::of(chain) else {
+            let modes = Modes::of(chain)?;
+            return Ok(Self {
+                omega_rad_s: modes.omega_rad_s().to_vec(),
+                parts: Parts::Matrix(Box::new(modes)),
+            });
+        };
+        let (beads, mass_kg) = (chain.bead_count(), chain.mass_kg[0]);
+        let (stiffness, tied) = (chain.contact_n_per_m[0], chain.on_site_n_per_m[0]);
+        let omega = |mode: usize| {
+            let half_angle = PI * kind.wave(mode) as f64 / kind.period(beads) as f64;
+            ((4.0 * stiffness * half_angle.sin().powi(2) + tied) / mass_kg).sqrt()
+        };
+        let fft = FftPlanner::new().plan_fft_forward(kind.period(beads));
+        let none = Complex::new(0.0, 0.0);
+        let (numbers, scratch) = (vec![none; kind.period(beads)], vec![none; fft.get_inplace_scratch_len()]);
+        let parts = Parts::Waves { kind, root_mass: mass_kg.sqrt(), fft, numbers, scratch };
+        Ok(Self { omega_rad_s: (0..beads).map(omega).collect(), parts })
+    }
+
+    /// Frequency of mode `mode` (Hz), counted from 0.
+    pub fn frequency_hz(&self, mode: usize) -> f64 {
+        self.omega_rad_s[mode] / TAU
+    }
+
+    /// Number of modes.
+    pub fn count(&self) -> usize {
+        self.omega_rad_s.len()
+    }
+
+    /// The energy (J) in each mode of a state, `½(ẏ² + ω²·y²)`, into `energies_j`; of a chain with resonators their numbers stand after those of the
+    /// beads.
+    pub fn energies_j(&mut self, u_m: &[f64], v_m_s: &[f64], energies_j: &mut Vec<f64>) {
+        energies_j.clear();
+        let omega = &self.omega_rad_s;
+        match &mut self.parts {
+            Parts::Matrix(modes) => {
+                energies_j.extend((0..omega.len()).map(|mode| modes.energy_j(mode, u_m, v_m_s)));
+            }
+            Parts::Waves { kind, root_mass, fft, numbers, scratch } => {
+                kind.spread(u_m, v_m_s, numbers);
+                fft.process_with_scratch(numbers, scratch);
+                energies_j.extend(omega.iter().enumerate().map(|(mode, omega)| {
+                    let [y, rate] = kind.part(mode, u_m.len(), numbers).map(|part| *root_mass * part);
+                    0.5 * (rate * rate + (omega * y) * (omega * y))
+                }));
+            }
+        }
+    }
+}
+
+impl Kind {
+    /// The waves of `chain`, if all of its beads and springs are alike.
+    fn of(chain: &LinearChain) -> Option<Self> {
+        let is_even = |values: &[f64]| values.iter().all(|value| *value == values[0]);
+        let has_resonators = (0..chain.bead_count()).any(|bead| chain.resonator(bead).is_some());
+        let is_even =
+            is_even(&chain.mass_kg) && is_even(&chain.contact_n_per_m) && is_even(&chain.on_site_n_per_m);
+        if !is_even || has_resonators {
+            return None;
+        }
+        let stiffness = chain.contact_n_per_m[0];
+        match (chain.wall_n_per_m, chain.ring_n_per_m) {
+            (_, ring) if ring == stiffness => Some(Self::Ring),
+            (walls, 0.0) if walls == [stiffness; 2] => Some(Self::Fixed),
+            ([0.0, 0.0], 0.0) => Some(Self::Free),
+            _ => None,
+        }
+    }
+
+    /// Places of a period of the waves of `beads` beads.
+    fn period(self, beads: usize) -> usize {
+        match self {
+            Self::Fixed => 2 * (beads + 1),
+            Self::Free => 2 * beads,
+            Self::Ring => beads,
+        }
+    }
+
+    /// Waves in a period, of mode `mode`.
+    fn wave(self, mode: usize) -> usize {
+        match self {
+            Self::Fixed => mode + 1,
+            Self::Free => mode,
+            Self::Ring => mode.div_ceil(2),
+        }
+    }
+
+    /// Writes the state and its mirror image, if it has one, as a period.
+    fn spread(self, u_m: &[f64], v_m_s: &[f64], numbers: &mut [Complex<f64>]) {
+        let (beads, period) = (u_m.len(), numbers.len());
+        let at = |bead: usize| Complex::new(u_m[bead], v_m_s[bead]);
+        for bead in 0..beads {
+            match self {
+                Self::Fixed => (numbers[bead + 1], numbers[period - 1 - bead]) = (at(bead), -at(bead)),
+                Self::Free => (numbers[bead], numbers[period - 1 - bead]) = (at(bead), at(bead)),
+                Self::Ring => numbers[bead] = at(bead),
+            }
+        }
+    }
+
+    /// The parts of displacements and velocities along the unit vector of mode `mode`, from the transform.
+    fn part(self, mode: usize, beads: usize, numbers: &[Complex<f64>]) -> [f64; 2] {
+        let (wave, period) = (self.wave(mode), numbers.len());
+        let (here, there) = (numbers[wave], numbers[(period - wave) % period].conj());
+        // the transforms of the two
+        let (u, v) = ((here + there) * 0.5, (here - there) * Complex::new(0.0, -0.5));
+        match self {
+            Self::Fixed => {
+                let factor = 0.5 * (2.0 / (beads + 1) as f64).sqrt();
+                [-u.im * factor, -v.im * factor]
+            }
+            Self::Free => {
+                let turn = Complex::from_polar(1.0, -PI * wave as f64 / period as f64);
+                let factor = 0.5 * (if mode == 0 { 1.0 } else { 2.0 } / beads as f64).sqrt();
+                [(u * turn).re * factor, (v * turn).re * factor]
+            }
+            Self::Ring => {
+                let is_alone = mode == 0 || 2 * wave == period;
+                let factor = (if is_alone { 1.0 } else { 2.0 } / beads as f64).sqrt();
+                let is_cosine = is_alone || mode % 2 == 1;
+                if is_cosine { [u.re * factor, v.re * factor] } else { [-u.im * factor, -v.im * factor] }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::tests::chain;
+
+    fn state(count: usize) -> [Vec<f64>; 2] {
+        let of = |seed: usize| (0..count).map(|i| ((i * i * 7 + seed * i + 3) % 11) as f64 - 4.5).collect();
+        [of(5), of(2)]
+    }
+
+    /// Energies of single modes in chains without two modes of one frequency, of both modes of a wave in rings, and their sum, which is all of
+    /// the energy.
+    #[test]
+    fn waves_have_the_energies_that_the_matrix_finds() {
+        for beads in [2, 3, 4, 7, 16, 33] {
+            let (fixed, mut ring) = (chain(beads, &[2.0], 3.0, 3.0), chain(beads, &[2.0], 3.0, 0.0));
+            let mut held = chain(beads, &[2.0], 3.0, 0.0);
+            held.on_site_n_per_m = vec![0.7; beads];
+            ring.ring_n_per_m = 3.0;
+            let chains =
+                [(fixed, false), (chain(beads, &[2.0], 3.0, 0.0), false), (held, false), (ring, true)];
+            for (chain, is_ring) in chains.iter().filter(|(_, is_ring)| !is_ring || beads > 2) {
+                let (mut waves, modes) = (Modal::of(chain).expect("modes"), Modes::of(chain).expect("modes"));
+                assert!(matches!(waves.parts, Parts::Waves { .. }));
+                let [u, v] = state(beads);
+                let mut found = Vec::new();
+                waves.energies_j(&u, &v, &mut found);
+                let expected: Vec<f64> = (0..beads).map(|mode| modes.energy_j(mode, &u, &v)).collect();
+                let total: f64 = expected.iter().sum();
+                assert!((found.iter().sum::<f64>() / total - 1.0).abs() < 1e-12);
+                for mode in 0..beads {
+                    let gap = (waves.omega_rad_s[mode] - modes.omega_rad_s()[mode]).abs();
+                    assert!(gap < 1e-7, "{beads} beads, mode {mode}: {gap:e}");
+                    if *is_ring && mode % 2 == 1 && mode + 1 < beads {
+                        let [one, both] = [&found, &expected].map(|of| of[mode] + of[mode + 1]);
+                        assert!((one - both).abs() < 1e-11 * total, "{beads} beads, wave {mode}");
+                    } else if !*is_ring {
+                        assert!(
+                            (found[mode] - expected[mode]).abs() < 1e-11 * total,
+                            "{beads} beads, mode {mode}"
+                        );
+                    }
+                }
+            }
+        }
+        assert!(matches!(
+            Modal::of(&chain(6, &[1.0, 2.0], 1.0, 1.0)).expect("modes").parts,
+            Parts::Matrix(_)
+        ));
+    }
+}

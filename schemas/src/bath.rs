@@ -1,0 +1,216 @@
+//! Heat baths: beads that a surrounding of a given temperature slows down and shakes.
+//!
+//! A bath adds to a bead of mass m the motion `dv = −γ·v·dt + √(2·γ·T/m)·dW` (Langevin), which is solved exactly over half a step before each
+//! step of the method and over half a step after it. The noise is counted: its numbers depend on (seed, step, bead) alone, so a step stays a
+//! function of the state and its number.
+//!
+//! # Source
+//! N. Bou-Rabee and H. Owhadi, SIAM J. Numer. Anal. 48 (2010) 278, doi:10.1137/090758842: averages of the equilibrium have the order
+//! of the method between the two halves.
+
+use crate::amounts::{typed, typed_quantity};
+use crate::config_error::ConfigError;
+use crate::drive::Waveform;
+use crate::functions::Moment;
+use crate::random::normals;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::ops::Range;
+
+/// Boltzmann's constant (J/K), exact in the SI of 2019.
+pub(crate) const BOLTZMANN_J_K: f64 = 1.380_649e-23;
+
+/// The largest product of friction and time step: half a step slows a bead down by a fifth.
+pub(crate) const MOST_FRICTION: f64 = 0.5;
+
+/// Beads in a row, as a configuration writes them: `3`, `"0..4"`, `"..4"`, `"-4.."`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub struct Beads {
+    /// The first bead; counted from behind the last one if it is negative.
+    pub from: i64,
+    /// The bead behind the last of them, counted in the same way; none for the end of the chain.
+    pub to: Option<i64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(untagged, expecting = "a bead, or beads such as \"0..4\", \"..4\" or \"-4..\"")]
+enum Written {
+    One(i64),
+    Row(String),
+}
+
+impl TryFrom<Written> for Beads {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        let row = match written {
+            Written::One(bead) => {
+                return Ok(Self { from: bead, to: (bead != -1).then(|| bead.saturating_add(1)) });
+            }
+            Written::Row(row) => row,
+        };
+        let wrong = || {
+            format!(
+                "found \"{row}\"; allowed: a bead, or beads such as \"0..4\" (0 to 3), \"..4\" or \"-4..\" (the last four)"
+            )
+        };
+        let (from, to) = row.split_once("..").ok_or_else(wrong)?;
+        let number = |text: &str| text.trim().parse::<i64>().map_err(|_| wrong());
+        let from = if from.trim().is_empty() { 0 } else { number(from)? };
+        let to = if to.trim().is_empty() { None } else { Some(number(to)?) };
+        Ok(Self { from, to })
+    }
+}
+
+impl From<Beads> for Written {
+    fn from(beads: Beads) -> Self {
+        Self::Row(beads.to_string())
+    }
+}
+
+impl fmt::Display for Beads {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}..", self.from)?;
+        self.to.map_or(Ok(()), |to| write!(f, "{to}"))
+    }
+}
+
+impl Beads {
+    /// The same beads, counted from bead 0 of a chain of `beads`.
+    pub(crate) fn counted(self, beads: u64) -> Self {
+        let count = beads.cast_signed();
+        let from_0 = |place: i64| if place < 0 { place.saturating_add(count) } else { place };
+        Self { from: from_0(self.from), to: Some(self.to.map_or(count, from_0)) }
+    }
+
+    /// These beads of a chain; none unless they are [`counted`](Self::counted).
+    pub fn range(self) -> Range<usize> {
+        let place = |place: i64| usize::try_from(place).unwrap_or(0);
+        place(self.from)..place(self.to.unwrap_or(0))
+    }
+}
+
+/// A heat bath: `[[bath]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bath {
+    /// The beads in it; all of the chain by default.
+    #[serde(default)]
+    pub beads: Beads,
+    /// `k_B·T` (J), a number or a function of time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_j: Option<Waveform>,
+    /// T (K), in place of `temperature_j`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_k: Option<Waveform>,
+    /// γ (1/s).
+    pub friction_per_s: f64,
+    /// Seed of its noise; that of the run by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// True if it acts on the relative velocity of neighbours, so that it conserves momentum.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub pairs: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_false(value: &bool) -> bool {
+    !*value
+}
+
+impl Bath {
+    /// `k_B·T` (J) at a time; what is not above 0 counts as 0.
+    pub fn temperature_j(&self, at: Moment) -> f64 {
+        let temperature_j = match (&self.temperature_j, &self.temperature_k) {
+            (Some(joule), _) => joule.value(at),
+            (None, Some(kelvin)) => BOLTZMANN_J_K * kelvin.value(at),
+            (None, None) => 0.0,
+        };
+        if temperature_j > 0.0 { temperature_j } else { 0.0 }
+    }
+
+    /// The largest `k_B·T` (J), for scales.
+    pub(crate) fn hottest_j(&self) -> f64 {
+        let joule = self.temperature_j.iter().map(Waveform::largest);
+        joule.chain(self.temperature_k.iter().map(|t| BOLTZMANN_J_K * t.largest())).fold(0.0, f64::max)
+    }
+
+    /// The temperature as it is written, with its key.
+    pub(crate) fn written(&self) -> Option<(&'static str, &Waveform)> {
+        let joule = self.temperature_j.as_ref().map(|joule| ("temperature_j", joule));
+        joule.or(self.temperature_k.as_ref().map(|kelvin| ("temperature_k", kelvin)))
+    }
+
+    /// The two normal numbers of a step at a bead, or at the contact on its right: for the half before the step and for the half after it.
+    pub fn noise(&self, seed: u64, step: u64, place: u32) -> [f64; 2] {
+        normals(seed, step, [place, self.kind()])
+    }
+
+    /// The last word of the counter of its noise.
+    pub fn kind(&self) -> u32 {
+        if self.pairs { 2 } else { 1 }
+    }
+
+    /// Refuses a bath that no run of `duration_s` can have; `key` is its place in the configuration: `bath[0]`.
+    pub(crate) fn check(&self, key: &str, duration_s: f64) -> Result<(), ConfigError> {
+        let Some((name, waveform)) =
+            self.written().filter(|_| self.temperature_j.is_none() || self.temperature_k.is_none())
+        else {
+            let found = if self.temperature_j.is_some() { "both" } else { "neither" };
+            return Err(ConfigError::value(key, found, "one of temperature_j (k_B·T) and temperature_k"));
+        };
+        let name = format!("{key}.{name}");
+        waveform.check(&name, duration_s)?;
+        if waveform.can_be_negative() {
+            let allowed = "a temperature of 0 or more at all times: a number, `step`, `ramp`, `half_sine`, `gaussian` or `table`";
+            return Err(ConfigError::value(&name, waveform.words(""), allowed));
+        }
+        Ok(())
+    }
+
+    /// A phrase for captions: `bath at beads 0 to 3: 1 nJ, 500 1/s`.
+    pub fn words(&self) -> String {
+        let Range { start, end } = self.beads.range();
+        let beads = if end == start + 1 {
+            format!("bead {start}")
+        } else {
+            format!("beads {start} to {}", end.saturating_sub(1))
+        };
+        let kind = if self.pairs { "pair bath" } else { "bath" };
+        let temperature = match self.written() {
+            Some((key, Waveform::Constant(value))) => {
+                typed_quantity(*value, if key == "temperature_j" { "J" } else { "K" })
+            }
+            Some((key, waveform)) => waveform.words(if key == "temperature_j" { "J" } else { "K" }),
+            None => String::new(),
+        };
+        format!("{kind} at {beads}: {temperature}, {} 1/s", typed(self.friction_per_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beads_are_counted_from_either_end() {
+        let read = |text: &str| toml::from_str::<Bath>(&format!("beads = {text}\nfriction_per_s = 1\n"));
+        for (text, expected) in [
+            ("3", 3..4),
+            ("-1", 9..10),
+            ("\"0..4\"", 0..4),
+            ("\"..4\"", 0..4),
+            ("\"-4..\"", 6..10),
+            ("\"-4..-1\"", 6..9),
+            ("\"..\"", 0..10),
+        ] {
+            let beads = read(text).expect(text).beads.counted(10);
+            assert_eq!(beads.range(), expected, "{text}");
+            assert_eq!(read(&format!("\"{beads}\"")).expect("written beads").beads, beads);
+        }
+        for text in ["\"4\"", "\"a..4\"", "\"0..4..5\"", "1.5"] {
+            assert!(read(text).expect_err(text).to_string().contains("\"-4..\""), "{text}");
+        }
+    }
+}
