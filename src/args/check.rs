@@ -20,7 +20,7 @@ use std::path::PathBuf;
     (4/3 with damping, 2 of energies). Each quantity is determined until both errors together first exceed the tolerance, in units of L, v0 and \
     ½·m·v0²; counts until they differ (1 in 100 contacts may). The step (a shorter one helps) or chaos (nothing helps) ends \
     this time. For displacements it is a prediction: of 200 random runs it was too late in none, and too early by a factor of 2 or more in 4.\n\
-    `check` takes some seven times as long as the run. Exit code 3: something is not determined to the end."
+    `check` takes about ten times as long as the run. Exit code 3: something is not determined to the end."
 )]
 pub(crate) struct CheckArgs {
     /// A recording, or a configuration file

@@ -20,7 +20,9 @@ use schemas::philox::uniform;
 use std::fmt::Write as _;
 use std::sync::atomic::AtomicBool;
 
+mod exact;
 mod prediction;
+mod roundings;
 
 /// Numbers in a fixed order, from a seed and a stream.
 struct Random {
