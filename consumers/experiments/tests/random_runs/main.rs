@@ -281,7 +281,7 @@ fn the_truth_is_within_what_a_check_says() {
             outside += 1;
             println!("{}, run {number}: {quantity}, {off:.2}\n{}", KINDS[kind], config.to_toml());
         }
-        assert!(off < 3.0, "{}, run {number}: {quantity}, {off}\n{}", KINDS[kind], config.to_toml());
+        assert!(off < 5.0, "{}, run {number}: {quantity}, {off}\n{}", KINDS[kind], config.to_toml());
         worst = if off > worst { off } else { worst };
     }
     println!("{count} runs: {outside} are farther off than was said; at most {worst:.2} times as far");
