@@ -1,17 +1,15 @@
-//! Determination of a run: the time until which it is determined, and its digits. The run is compared with three twins:
-//! one with half and one with a quarter of the step, and one with initial velocities that differ in the last place
-//! (`producer::twins` makes them).
+//! Determination of a run: the time until which it is determined, and its digits. The run is compared with two twins,
+//! one with a quarter of the step and one with initial velocities that differ in the last place, and with the tangent that
+//! carries its roundings (`producer::twins` makes them).
 //!
-//! - The *error of the step* is taken as [`STEP_FACTOR`] times the larger difference to the twins with shorter steps,
-//!   the largest of the last [`LOOKS`] looks, which is about T. Two things make one difference at one time too small.
-//!   The error of a collision has a factor that depends on the places in a step at which the contact closes and opens.
-//!   This factor may be small or of the other sign in a run and much the same in its twin. In a quarter of the step the
-//!   error is 2^(2·(α+1)) times smaller at most, 32 times for α = 1.5, too small to hide that of the run. Also, if two
-//!   states swing about each other, their differences go through zero. The estimate is 1.5 times the true error if the
-//!   error falls as `dt`, and twice if it falls as `dt^(α+1)`.
-//! - The *error of rounding* is the difference to the moved twin. In chaotic motion it grows exponentially, until
-//!   nothing of the run is left in its twin: no step and no solver helps then.
-//! - A quantity is *determined* until the last look before either error first exceeds the tolerance, in units of its
+//! - The *error of the step* is taken as a factor times the difference to the twin with a quarter of the step, the largest of the
+//!   last [`LOOKS`] looks, which is about T. A sixteenth of the error or less is left in that twin if it falls as `dt²` or faster, and a
+//!   quarter if it falls as `dt`, as it may where contacts are damped: 9/8 and 4/3 are enough for displacements and velocities
+//!   ([`STEP_FACTOR`], [`DAMPED_FACTOR`]). Of energies it is 2 ([`DERIVED_FACTOR`]): their errors cancel by chance in one of the two. If two states swing about each other, their differences go through zero, which is why one look is not enough.
+//! - The *error of rounding* of displacements and velocities is the tangent: roundings of all steps, grown by the derivatives of the
+//!   steps after them. Of energies and counts, and of a run without a tangent, it is the difference to the moved twin. In chaotic
+//!   motion it grows exponentially, until nothing of the run is left: no step and no solver helps then.
+//! - A quantity is *determined* until the last look before the sum of both errors first exceeds the tolerance, in units of its
 //!   scale: L, v0, and `½·m·v0²`. A count is determined as long as all three agree, or agree at the next look: an event
 //!   that comes a little earlier or later in a twin makes no other run. One in a hundred classes of contacts may differ
 //!   ([`CONTACTS_APART`]): some contacts are always about to touch.
@@ -42,8 +40,14 @@ pub const TOLERANCE: f64 = 1e-4;
 /// The part of the contacts that may be in another class.
 pub const CONTACTS_APART: f64 = 0.01;
 
-/// The factor of the differences to the twins with shorter steps.
-pub const STEP_FACTOR: f64 = 2.0;
+/// The factor of the difference to the twin with a quarter of the step, for displacements and velocities.
+pub const STEP_FACTOR: f64 = 9.0 / 8.0;
+
+/// The same where contacts are damped: an error that falls as `dt` itself leaves a quarter in the twin.
+pub const DAMPED_FACTOR: f64 = 4.0 / 3.0;
+
+/// The same for what is computed from displacements and velocities.
+pub const DERIVED_FACTOR: f64 = 2.0;
 
 /// Looks over which the error of the step is the largest.
 pub const LOOKS: usize = 10;
@@ -66,13 +70,13 @@ pub struct Determination {
     split_bead: u64,
     /// Initial difference of the moved twin from the run, in units of v0.
     moved_by: f64,
-    /// The run, the halved, the quartered and the moved twin.
-    siblings: [Sibling; 4],
-    /// The errors of the step and of rounding, of each quantity.
-    courses: [[Course; 2]; Quantity::COUNT],
-    /// The differences at the last look, to the twins with shorter steps and to the moved one.
+    /// The run, the quartered and the moved twin.
+    siblings: [Sibling; 3],
+    /// The errors of the step and of rounding, and both, of each quantity.
+    courses: [[Course; 3]; Quantity::COUNT],
+    /// The differences at the last look, to the quartered twin and to the moved one.
     before: [[f64; Quantity::COUNT]; 2],
-    /// Differences to the twins with shorter steps, of the last looks.
+    /// Differences to the quartered twin, of the last looks.
     recent: VecDeque<[f64; Quantity::COUNT]>,
     trail: Trail,
     last: Option<(u64, f64)>,
@@ -103,7 +107,7 @@ impl Determination {
             split_bead,
             moved_by: moved_by_m_s / physics.scales().speed_m_s(),
             siblings: std::array::from_fn(|_| Sibling::new(manifest, split_bead)),
-            courses: [[Course::default(); 2]; Quantity::COUNT],
+            courses: [[Course::default(); 3]; Quantity::COUNT],
             before: [[0.0; Quantity::COUNT]; 2],
             recent: VecDeque::with_capacity(LOOKS),
             trail: Trail::default(),
@@ -119,16 +123,24 @@ impl Determination {
         steps.max(1)
     }
 
-    /// Compares the states of the run, of the twins with half and a quarter of its step, and of the moved twin at one time.
-    pub fn look(&mut self, run: &Frame<'_>, [halved, quartered]: [&Frame<'_>; 2], moved: &Frame<'_>) {
-        let [of_run, of_halved, of_quartered, of_moved] = &mut self.siblings;
+    /// Compares the states of the run, of the twin with a quarter of its step, and of the moved twin at one time; `rounded` are the changes of
+    /// displacements (m), then of velocities (m/s), by roundings, if the run has a tangent.
+    pub fn look(
+        &mut self,
+        run: &Frame<'_>,
+        quartered: &Frame<'_>,
+        moved: &Frame<'_>,
+        rounded: Option<&[f64]>,
+    ) {
+        let [of_run, of_quartered, of_moved] = &mut self.siblings;
         of_run.look(run);
-        let differences = [(of_halved, halved), (of_quartered, quartered), (of_moved, moved)];
-        let [halved, quartered, moved] = differences.map(|(sibling, frame)| {
+        let [shorter, mut moved] = [(of_quartered, quartered), (of_moved, moved)].map(|(sibling, frame)| {
             sibling.look(frame);
             of_run.differences(run, sibling, frame)
         });
-        let shorter = std::array::from_fn(|i| larger(halved[i], quartered[i]));
+        if let Some(rounded) = rounded {
+            of_run.put_changes(rounded, &mut moved);
+        }
         self.recent.truncate(LOOKS - 1);
         self.recent.push_front(shorter);
         let of_looks = |i: usize| self.recent.iter().map(|look| look[i]).fold(0.0, larger);
@@ -137,16 +149,26 @@ impl Determination {
             (step[i], rounding[i]) = if quantity.is_count() {
                 (shorter[i].min(self.before[0][i]), moved[i].min(self.before[1][i]))
             } else {
-                (STEP_FACTOR * of_looks(i), moved[i])
+                (self.factor_of(quantity) * of_looks(i), moved[i])
             };
             let tolerance = self.tolerance_of(quantity);
-            let [of_step, of_rounding] = &mut self.courses[i];
-            of_step.take(run.time_s, step[i], tolerance);
-            of_rounding.take(run.time_s, rounding[i], tolerance);
+            let both = if quantity.is_count() { larger(step[i], rounding[i]) } else { step[i] + rounding[i] };
+            for (course, error) in self.courses[i].iter_mut().zip([step[i], rounding[i], both]) {
+                course.take(run.time_s, error, tolerance);
+            }
         }
         self.before = [shorter, moved];
         self.trail.push(Sample { time_s: run.time_s, step, rounding });
         self.last = Some((run.step, run.time_s));
+    }
+
+    /// The factor of the difference of a quantity to the quartered twin.
+    fn factor_of(&self, quantity: Quantity) -> f64 {
+        match self.physics.damping {
+            _ if !quantity.is_of_beads() => DERIVED_FACTOR,
+            None => STEP_FACTOR,
+            Some(_) => DAMPED_FACTOR,
+        }
     }
 
     /// The largest error with which a quantity is determined.
@@ -175,7 +197,7 @@ impl Determination {
             compared_until,
             split_bead: self.split_bead,
             quantities: quantities
-                .map(|(quantity, [step, rounding])| Determined::new(quantity, step, rounding, self.moved_by))
+                .map(|(quantity, courses)| Determined::new(quantity, courses, self.moved_by))
                 .collect(),
             growth_per_s: self.trail.growth_per_s(CHAOTIC * self.moved_by),
         })

@@ -14,6 +14,7 @@ mod pieces;
 pub mod recovery;
 pub mod replay;
 pub mod resimulation;
+mod roundings;
 pub mod run;
 pub mod state;
 pub mod step_time;

@@ -70,20 +70,15 @@ pub struct Determined {
 }
 
 impl Determined {
-    /// The result from the courses of both errors; the moved twin was moved by `moved_by` v0.
-    pub(super) fn new(quantity: Quantity, step: Course, rounding: Course, moved_by: f64) -> Self {
-        let bound_of_rounding =
-            if rounding.worst < CHAOTIC * moved_by { Bound::Rounding } else { Bound::Chaos };
-        let (until_s, bound) = match (step.until_s, rounding.until_s) {
-            (None, None) => (None, None),
-            (Some(step_s), None) => (Some(step_s), Some(Bound::Step)),
-            (Some(step_s), Some(rounding_s)) if rounding_s > WORTH_A_STEP * step_s => {
-                (Some(step_s), Some(Bound::Step))
+    /// The result from the courses of the errors of step and rounding and of both; the moved twin was moved by `moved_by` v0.
+    pub(super) fn new(quantity: Quantity, [step, rounding, both]: [Course; 3], moved_by: f64) -> Self {
+        let bound = both.until_s.map(|until_s| match rounding.until_s {
+            Some(rounding_s) if rounding_s <= WORTH_A_STEP * until_s => {
+                if rounding.worst < CHAOTIC * moved_by { Bound::Rounding } else { Bound::Chaos }
             }
-            (Some(step_s), Some(rounding_s)) => (Some(step_s.min(rounding_s)), Some(bound_of_rounding)),
-            (None, Some(rounding_s)) => (Some(rounding_s), Some(bound_of_rounding)),
-        };
-        Self { quantity, until_s, bound, step, rounding }
+            _ => Bound::Step,
+        });
+        Self { quantity, until_s: both.until_s, bound, step, rounding }
     }
 
     /// The larger error at the end.

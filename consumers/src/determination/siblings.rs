@@ -89,6 +89,11 @@ impl Quantity {
         }
     }
 
+    /// True if it is the displacement or the velocity of beads.
+    pub fn is_of_beads(self) -> bool {
+        matches!(self, Self::Displacement | Self::Velocity | Self::Position | Self::BeadVelocity)
+    }
+
     /// True if it is a whole number.
     pub fn is_count(self) -> bool {
         self.scale().is_empty()
@@ -200,6 +205,25 @@ impl Sibling {
             Quantity::Front => seen.front.abs_diff(other.front) as f64,
             Quantity::Pulses => seen.pulses.abs_diff(other.pulses) as f64,
         })
+    }
+
+    /// Puts `changes` of the displacements (m), then of the velocities (m/s) of all beads, in the places of the differences of those.
+    pub(super) fn put_changes(&self, changes: &[f64], differences: &mut [f64; Quantity::COUNT]) {
+        let [length_m, speed_m_s, _] = self.scales;
+        let beads = self.contacts.classes().len() + 1;
+        let largest =
+            |numbers: &[f64]| numbers.iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most });
+        let of_beads =
+            |numbers: &[f64]| self.beads.iter().map(|bead| numbers[*bead].abs()).fold(0.0, f64::max);
+        let (u, v) = (&changes[..beads], &changes[beads..2 * beads]);
+        for (quantity, error) in [
+            (Quantity::Displacement, largest(u) / length_m),
+            (Quantity::Velocity, largest(v) / speed_m_s),
+            (Quantity::Position, of_beads(u) / length_m),
+            (Quantity::BeadVelocity, of_beads(v) / speed_m_s),
+        ] {
+            differences[quantity as usize] = error;
+        }
     }
 }
 
