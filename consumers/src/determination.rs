@@ -1,15 +1,21 @@
-//! Determination of a run: the time until which it is determined, and its digits. The run is compared with two twins,
-//! one with a quarter of the step and one with initial velocities that differ in the last place, and with the tangent that
+//! Determination of a run: the time until which it is determined, and its digits. The run is compared with three twins, two
+//! with half and a quarter of the step and one with initial velocities that differ in the last place, and with the tangent that
 //! carries its roundings (`producer::twins` makes them).
 //!
-//! - The *error of the step* is taken as a factor times the difference to the twin with a quarter of the step, the largest of the
-//!   last [`LOOKS`] looks, which is about T. A sixteenth of the error or less is left in that twin if it falls as `dt²` or faster, and a
-//!   quarter if it falls as `dt`, as it may where contacts are damped: 9/8 and 4/3 are enough for displacements and velocities
-//!   ([`STEP_FACTOR`], [`DAMPED_FACTOR`]). Of energies it is 2 ([`DERIVED_FACTOR`]): their errors cancel by chance in one of the two. If two states swing about each other, their differences go through zero, which is why one look is not enough.
+//! - The *error of the step* is taken as [`STEP_FACTOR`] times the larger difference to the twins with shorter steps,
+//!   the largest of the last [`LOOKS`] looks, which is about T. Two things make one difference at one time too small.
+//!   The error of a collision has a factor that depends on the places in a step at which the contact closes and opens.
+//!   This factor may be small or of the other sign in a run and much the same in its twin. In a quarter of the step the
+//!   error is 2^(2·(α+1)) times smaller at most, 32 times for α = 1.5, too small to hide that of the run. Also, if two
+//!   states swing about each other, their differences go through zero. The estimate is 1.5 times the true error if the
+//!   error falls as `dt`, and twice if it falls as `dt^(α+1)`.
 //! - The *error of rounding* of displacements and velocities is the tangent: roundings of all steps, grown by the derivatives of the
 //!   steps after them. Of energies and counts, and of a run without a tangent, it is the difference to the moved twin. In chaotic
 //!   motion it grows exponentially, until nothing of the run is left: no step and no solver helps then.
-//! - A quantity is *determined* until the last look before the sum of both errors first exceeds the tolerance, in units of its
+//! - A quantity is *determined* until the last look before the sum of both errors first exceeds the tolerance. For displacements and
+//!   velocities this is a prediction: the error of the step in it is that of the quartered twin, of which a sixteenth or less is left there if it
+//!   falls as `dt²` or faster, and a quarter if it falls as `dt`, as it may where contacts are damped ([`UNTIL_FACTOR`], [`DAMPED_FACTOR`]).
+//!   Errors are in units of a
 //!   scale: L, v0, and `½·m·v0²`. A count is determined as long as all three agree, or agree at the next look: an event
 //!   that comes a little earlier or later in a twin makes no other run. One in a hundred classes of contacts may differ
 //!   ([`CONTACTS_APART`]): some contacts are always about to touch.
@@ -40,14 +46,14 @@ pub const TOLERANCE: f64 = 1e-4;
 /// The part of the contacts that may be in another class.
 pub const CONTACTS_APART: f64 = 0.01;
 
-/// The factor of the difference to the twin with a quarter of the step, for displacements and velocities.
-pub const STEP_FACTOR: f64 = 9.0 / 8.0;
+/// The factor of the differences to the twins with shorter steps.
+pub const STEP_FACTOR: f64 = 2.0;
+
+/// The factor of the difference to the twin with a quarter of the step, in the prediction of displacements and velocities.
+pub const UNTIL_FACTOR: f64 = 9.0 / 8.0;
 
 /// The same where contacts are damped: an error that falls as `dt` itself leaves a quarter in the twin.
 pub const DAMPED_FACTOR: f64 = 4.0 / 3.0;
-
-/// The same for what is computed from displacements and velocities.
-pub const DERIVED_FACTOR: f64 = 2.0;
 
 /// Looks over which the error of the step is the largest.
 pub const LOOKS: usize = 10;
@@ -70,14 +76,14 @@ pub struct Determination {
     split_bead: u64,
     /// Initial difference of the moved twin from the run, in units of v0.
     moved_by: f64,
-    /// The run, the quartered and the moved twin.
-    siblings: [Sibling; 3],
-    /// The errors of the step and of rounding, and both, of each quantity.
+    /// The run, the halved, the quartered and the moved twin.
+    siblings: [Sibling; 4],
+    /// The errors of the step and of rounding, and both as predicted, of each quantity.
     courses: [[Course; 3]; Quantity::COUNT],
-    /// The differences at the last look, to the quartered twin and to the moved one.
+    /// The differences at the last look, to the twins with shorter steps and to the moved one.
     before: [[f64; Quantity::COUNT]; 2],
-    /// Differences to the quartered twin, of the last looks.
-    recent: VecDeque<[f64; Quantity::COUNT]>,
+    /// Differences to the twins with shorter steps, the larger ones and those to the quartered twin, of the last looks.
+    recent: VecDeque<[[f64; Quantity::COUNT]; 2]>,
     trail: Trail,
     last: Option<(u64, f64)>,
 }
@@ -123,36 +129,43 @@ impl Determination {
         steps.max(1)
     }
 
-    /// Compares the states of the run, of the twin with a quarter of its step, and of the moved twin at one time; `rounded` are the changes of
+    /// Compares the states of the run, of the twins with half and a quarter of its step, and of the moved twin at one time; `rounded` are the changes of
     /// displacements (m), then of velocities (m/s), by roundings, if the run has a tangent.
     pub fn look(
         &mut self,
         run: &Frame<'_>,
-        quartered: &Frame<'_>,
+        [halved, quartered]: [&Frame<'_>; 2],
         moved: &Frame<'_>,
         rounded: Option<&[f64]>,
     ) {
-        let [of_run, of_quartered, of_moved] = &mut self.siblings;
+        let [of_run, of_halved, of_quartered, of_moved] = &mut self.siblings;
         of_run.look(run);
-        let [shorter, mut moved] = [(of_quartered, quartered), (of_moved, moved)].map(|(sibling, frame)| {
+        let differences = [(of_halved, halved), (of_quartered, quartered), (of_moved, moved)];
+        let [halved, quartered, mut moved] = differences.map(|(sibling, frame)| {
             sibling.look(frame);
             of_run.differences(run, sibling, frame)
         });
+        let shorter = std::array::from_fn(|i| larger(halved[i], quartered[i]));
         if let Some(rounded) = rounded {
             of_run.put_changes(rounded, &mut moved);
         }
         self.recent.truncate(LOOKS - 1);
-        self.recent.push_front(shorter);
-        let of_looks = |i: usize| self.recent.iter().map(|look| look[i]).fold(0.0, larger);
+        self.recent.push_front([shorter, quartered]);
+        let of_looks =
+            |which: usize, i: usize| self.recent.iter().map(|look| look[which][i]).fold(0.0, larger);
         let (mut step, mut rounding) = ([0.0; Quantity::COUNT], [0.0; Quantity::COUNT]);
         for (i, quantity) in Quantity::ALL.into_iter().enumerate() {
             (step[i], rounding[i]) = if quantity.is_count() {
                 (shorter[i].min(self.before[0][i]), moved[i].min(self.before[1][i]))
             } else {
-                (self.factor_of(quantity) * of_looks(i), moved[i])
+                (STEP_FACTOR * of_looks(0, i), moved[i])
             };
             let tolerance = self.tolerance_of(quantity);
-            let both = if quantity.is_count() { larger(step[i], rounding[i]) } else { step[i] + rounding[i] };
+            let both = match quantity {
+                _ if quantity.is_count() => larger(step[i], rounding[i]),
+                _ if quantity.is_of_beads() => self.until_factor() * of_looks(1, i) + rounding[i],
+                _ => step[i] + rounding[i],
+            };
             for (course, error) in self.courses[i].iter_mut().zip([step[i], rounding[i], both]) {
                 course.take(run.time_s, error, tolerance);
             }
@@ -162,13 +175,9 @@ impl Determination {
         self.last = Some((run.step, run.time_s));
     }
 
-    /// The factor of the difference of a quantity to the quartered twin.
-    fn factor_of(&self, quantity: Quantity) -> f64 {
-        match self.physics.damping {
-            _ if !quantity.is_of_beads() => DERIVED_FACTOR,
-            None => STEP_FACTOR,
-            Some(_) => DAMPED_FACTOR,
-        }
+    /// The factor of the difference to the quartered twin in the prediction of displacements and velocities.
+    fn until_factor(&self) -> f64 {
+        if self.physics.damping.is_some() { DAMPED_FACTOR } else { UNTIL_FACTOR }
     }
 
     /// The largest error with which a quantity is determined.

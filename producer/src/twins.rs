@@ -1,9 +1,9 @@
 //! Twins of a run: they differ from it by as much as its step and its rounding decide.
 //!
 //! The energy of a symplectic method stays constant while the motion itself goes wrong, so its drift does not show
-//! that. Two more runs do, and the tangent of the run:
+//! that. Three more runs do, and the tangent of the run:
 //!
-//! - the *quartered* twin makes four steps of `dt/4` for each step of the run;
+//! - the *halved* twin makes two steps of `dt/2` for each step of the run, and the *quartered* twin four of `dt/4`;
 //! - the *tangent* carries the roundings of all steps since the beginning, by the derivatives of the steps after them; `gear5` has none;
 //! - the *moved* twin has the same step, and each velocity that is not zero at step 0 moved by one unit in its last
 //!   place, away from zero.
@@ -28,6 +28,7 @@ use schemas::scales::Scales;
 pub struct Twins {
     physics: Physics,
     run: Sibling,
+    halved: Sibling,
     quartered: Sibling,
     moved: Sibling,
     roundings: Roundings,
@@ -40,6 +41,8 @@ pub struct Twins {
 pub struct Together<'a> {
     /// The run.
     pub run: Frame<'a>,
+    /// The twin with half the step.
+    pub halved: Frame<'a>,
     /// The twin with a quarter of the step.
     pub quartered: Frame<'a>,
     /// The twin with moved velocities.
@@ -81,6 +84,7 @@ impl Twins {
             state: ChainState::initial(physics),
             steps_in_step: 1,
         };
+        let halved = Sibling::finer(physics, 2, "the twin with half the step");
         let quartered = Sibling::finer(physics, 4, "the twin with a quarter of the step");
         let (u_m, mut v_m_s) = physics.initial_state();
         let at_rest_m_s = load_speed_m_s(physics);
@@ -97,16 +101,16 @@ impl Twins {
         };
         let scales = physics.scales();
         let roundings = Roundings::new(&physics.chain(), [scales.length_m, scales.speed_m_s()]);
-        Self { physics: physics.clone(), run, quartered, moved, roundings, tangent: None }
+        Self { physics: physics.clone(), run, halved, quartered, moved, roundings, tangent: None }
     }
 
-    /// Advances all three to step `step` of the run, if they are not there yet, and adds the roundings of the steps to the tangent.
+    /// Advances all four to step `step` of the run, if they are not there yet, and adds the roundings of the steps to the tangent.
     ///
     /// # Errors
     /// When a state is not finite.
     pub fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {
         let steps = step.saturating_sub(self.run.state.step); // integers
-        [&mut self.run, &mut self.quartered, &mut self.moved]
+        [&mut self.run, &mut self.halved, &mut self.quartered, &mut self.moved]
             .into_iter()
             .try_for_each(|sibling| sibling.advance_to(step))?;
         if let Some(tangents) = self.run.integrator.tangents() {
@@ -116,13 +120,13 @@ impl Twins {
         Ok(())
     }
 
-    /// The states of all three at the present step.
+    /// The states of all four at the present step.
     pub fn together(&self) -> Together<'_> {
         let step = self.run.state.step;
         let time_s = self.physics.time_s(step);
-        let [run, quartered, moved] =
-            [&self.run, &self.quartered, &self.moved].map(|each| each.at(step, time_s));
-        Together { run, quartered, moved, rounded: self.tangent.as_deref() }
+        let all = [&self.run, &self.halved, &self.quartered, &self.moved];
+        let [run, halved, quartered, moved] = all.map(|each| each.at(step, time_s));
+        Together { run, halved, quartered, moved, rounded: self.tangent.as_deref() }
     }
 }
 
@@ -243,17 +247,17 @@ mod tests {
                 (finer.dt_s, finer.step_count) = (physics.dt_s / parts as f64, physics.step_count * parts);
                 alone(&finer, 5.0)
             };
-            let expected = [alone(&physics, 5.0), finer(4), alone(&physics, 5.0_f64.next_up())];
-            let Together { run, quartered, moved, rounded } = twins.together();
+            let expected = [alone(&physics, 5.0), finer(2), finer(4), alone(&physics, 5.0_f64.next_up())];
+            let Together { run, halved, quartered, moved, rounded } = twins.together();
             assert_eq!(rounded.is_some(), method != Method::Gear5);
-            for (found, expected) in [run, quartered, moved].into_iter().zip(&expected) {
+            for (found, expected) in [run, halved, quartered, moved].into_iter().zip(&expected) {
                 assert_eq!((found.u_m, found.v_m_s), (&expected.u_m[..], &expected.v_m_s[..]), "{method}");
                 assert_eq!(
                     (found.step, found.time_s),
                     (physics.step_count, physics.time_s(physics.step_count))
                 );
             }
-            assert!(quartered.u_m != run.u_m && moved.u_m != run.u_m);
+            assert!(halved.u_m != run.u_m && quartered.u_m != halved.u_m && moved.u_m != run.u_m);
         }
     }
 

@@ -14,12 +14,14 @@ use std::path::PathBuf;
     beadline check --preset walls --figure growth.png draws the growth of errors\n  \
     beadline check chain.toml --dt 2e-7               a configuration, as for `beadline run`\n  \
     beadline check --beads 1200 --impurity 0=10e-3 --tolerance 1e-3\n\n\
-    A run that conserves energy can still be wrong. `check` computes a twin with a quarter of the step beside the run, and \
-    carries the roundings of the run by its tangent (of energies and counts: a twin with initial velocities that differ in \
-    the last place; also of what gear5 computes). The error of the step is the difference to the first twin, the largest of about the last T, times 9/8 \
-    (4/3 with damping, 2 of energies). Each quantity is determined until both errors together first exceed the tolerance, in units of L, v0 and \
-    ½·m·v0²; counts until they differ (1 in 100 contacts may). The step (a shorter one helps) or chaos (nothing helps) ends \
-    this time. For displacements it is a prediction: of 200 random runs it was too late in none, and too early by a factor of 2 or more in 4.\n\
+    A run that conserves energy can still be wrong. `check` computes three twins beside the run: one with half and one with \
+    a quarter of the step, and one with initial velocities that differ in the last place; and it carries the roundings of the \
+    run by its tangent. The error of the step is twice the larger difference to the first two, the largest of about the last T. \
+    The error of rounding is the tangent, or of energies and counts, and with gear5, the difference to the third. Each quantity \
+    is determined until both together first exceed the tolerance, in units of L, v0 and ½·m·v0²; counts until they differ (1 in \
+    100 contacts may). For displacements and velocities, where 9/8 of the difference to a quarter of the step counts (4/3 with \
+    damping), this time is a prediction: of 200 random runs it was too late in none, and too early by a factor of 2 or more in 4. \
+    The step (a shorter one helps) or chaos (nothing helps) ends it.\n\
     `check` takes about ten times as long as the run. Exit code 3: something is not determined to the end."
 )]
 pub(crate) struct CheckArgs {

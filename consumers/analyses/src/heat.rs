@@ -34,7 +34,10 @@ pub static OFFER: Offer = Offer {
         },
     ],
     columns: &[
-        Meaning::number("mean_current_w", "current, averaged over the contacts between beads"),
+        Meaning::number(
+            "mean_current_w",
+            "current, averaged over the contacts that do not lie within a bath",
+        ),
         Meaning::number("kinetic_temperature_j", "m·v², averaged over the beads"),
     ],
     summary: &[
@@ -60,6 +63,8 @@ const MOST_BEADS: usize = 100_000;
 struct Heat {
     manifest: RunManifest,
     chain: Chain,
+    /// The contacts that do not lie within a bath; all if there are none.
+    inner: Vec<usize>,
     /// Temperature (J) of each bead, current (W) through each contact between beads.
     places: Blocks,
     /// The row of each frame.
@@ -85,9 +90,17 @@ impl Heat {
             let written = bath.temperature_j.as_ref().or(bath.temperature_k.as_ref());
             matches!(written, Some(Waveform::Constant(_))).then(|| bath.temperature_j(start))
         };
+        let within = |c: &usize| {
+            baths.iter().any(|bath| {
+                let beads = bath.beads.range();
+                beads.contains(c) && beads.contains(&(c + 1))
+            })
+        };
+        let inner: Vec<usize> = (0..beads - 1).filter(|c| !within(c)).collect();
         let ends = baths.first().and_then(constant).zip(baths.last().and_then(constant));
         Ok(Self {
             baths_j: ends.filter(|(first, last)| first != last).map(<[f64; 2]>::from),
+            inner: if inner.is_empty() { (0..beads - 1).collect() } else { inner },
             places: Blocks::new(2 * beads - 1),
             rows: Blocks::new(2),
             times_s: None,
@@ -143,7 +156,8 @@ impl Analysis for Heat {
         let currents = (0..beads - 1).map(|c| self.current_w(c, frame));
         let all: Vec<f64> = temperatures.chain(currents).collect();
         let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
-        let row = [sum(&all[beads..]) / (beads - 1) as f64, sum(&all[..beads]) / beads as f64];
+        let flowing: Vec<f64> = self.inner.iter().map(|c| all[beads + c]).collect();
+        let row = [sum(&flowing) / flowing.len() as f64, sum(&all[..beads]) / beads as f64];
         self.places.push(all);
         self.rows.push(row);
         self.times_s = Some([self.times_s.map_or(frame.time_s, |[first_s, _]| first_s), frame.time_s]);

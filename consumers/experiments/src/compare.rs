@@ -38,8 +38,8 @@ pub fn compare(
     let (mut step, mut stopped) = (0, false);
     loop {
         twins.advance_to(step)?;
-        let Together { run, quartered, moved, rounded } = twins.together();
-        determination.look(&run, &quartered, &moved, rounded);
+        let Together { run, halved, quartered, moved, rounded } = twins.together();
+        determination.look(&run, [&halved, &quartered], &moved, rounded);
         progress(step);
         stopped = stopped || stop.load(Ordering::Relaxed);
         if step == last_step || stopped {

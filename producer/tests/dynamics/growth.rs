@@ -36,7 +36,7 @@ fn no_preset_of_the_paper_is_lost() {
     }
 }
 
-/// Twins, `beadline check --beads 1200 --impurity 0=10e-3`: λ = 0.047/T, and displacements to 1e-4 L until 489 T.
+/// The tangent, `beadline check --beads 1200 --impurity 0=10e-3`: λ = 0.050/T, and displacements to 1e-4 L until 463 T.
 #[test]
 fn a_chaotic_train_is_lost_when_its_twin_is() {
     let (physics, lost) = lost("homogeneous", |config| {
