@@ -1,4 +1,6 @@
-//! `beadline orbit`: periodic orbits, their multipliers, branches of orbits.
+//! `beadline orbit`: periodic orbits, their multipliers, branches and maps of orbits.
+
+mod map;
 
 use crate::args::OrbitArgs;
 use crate::configuration::origin;
@@ -28,10 +30,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Orbit files to begin with.
-const EXAMPLES: [(&str, &str); 3] = [
+const EXAMPLES: [(&str, &str); 4] = [
     ("breather", include_str!("orbit/breather.toml")),
     ("diode", include_str!("orbit/diode.toml")),
     ("fput", include_str!("orbit/fput.toml")),
+    ("map", include_str!("orbit/map.toml")),
 ];
 
 /// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
@@ -67,9 +70,10 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let family = |parameter: f64| file.problem(parameter);
     let search = Search::begin(&family, file.from(), file.options(), &stop).map_err(failure)?;
-    match file.stretch() {
-        None => one(&place, &file, &search, &stop),
-        Some(_) => Branch::of(&place, &file, search)?.follow(&stop),
+    match (file.grid(), file.stretch()) {
+        (Some(grid), _) => map::map(&place, grid, &stop),
+        (None, None) => one(&place, &file, &search, &stop),
+        (None, Some(_)) => Branch::of(&place, &file, search)?.follow(&stop),
     }
 }
 
@@ -95,8 +99,9 @@ impl Place<'_> {
         let found = fs::read_to_string(&sign).ok();
         let is_empty = fs::read_dir(self.out).map_or(true, |mut entries| entries.next().is_none());
         let is_ours = found.as_deref() == Some(self.text);
-        // a branch that has ended is told again
-        let is_unfinished = self.out.join(JOURNAL).exists() || !self.out.join(REPORT).exists();
+        // a branch or a map that has ended is told again
+        let goes_on = [JOURNAL, map::JOURNAL].iter().any(|journal| self.out.join(journal).exists());
+        let is_unfinished = goes_on || !self.out.join(REPORT).exists();
         if is_empty || self.args.force && found.is_some() || is_ours && is_unfinished {
             return Ok(());
         }
@@ -114,7 +119,9 @@ impl Place<'_> {
         create_directory(self.out)?;
         let sign = self.out.join(SIGN);
         if self.args.force || fs::read_to_string(&sign).ok().as_deref() != Some(self.text) {
-            let _ = fs::remove_file(self.out.join(JOURNAL));
+            for journal in [JOURNAL, map::JOURNAL] {
+                let _ = fs::remove_file(self.out.join(journal));
+            }
         }
         Ok(whole_file::write(&sign, self.text.as_bytes(), true)?)
     }

@@ -150,5 +150,5 @@ fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
     place.write("other/notes.txt", "mine");
     let refused = place.run("orbit breather.toml --out other").exits(2);
     assert!(refused.stderr().contains("holds something else"), "{}", refused.stderr());
-    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput"));
+    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput, map"));
 }

@@ -4,7 +4,8 @@ use crate::Orbit;
 use crate::branch::Change;
 use crate::multipliers::Multipliers;
 use consumers::table::{Cell, Column, Kind};
-use figure::{Axis, Curve, Figure, Panel, Stroke};
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Stroke};
+use plots::HeatMap;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use waves::dispersion::UnitCell;
@@ -13,6 +14,10 @@ use waves::linear::LinearChain;
 /// Columns of a branch, after that of the parameter.
 const COLUMNS: [&str; 6] =
     ["period_s", "energy_j", "amplitude_m", "largest_multiplier", "unstable", "returns"];
+/// Names of points on a map that have no name of an instability.
+pub const STABLE: &str = "stable";
+/// The same without an orbit.
+pub const NOT_FOUND: &str = "no orbit found";
 /// Places of these among the columns of a branch.
 const ENERGY: usize = 2;
 const AMPLITUDE: usize = 3;
@@ -38,6 +43,64 @@ pub fn row(orbit: &Orbit) -> Vec<Cell> {
         Cell::Integer(orbit.multipliers.unstable().count() as u64),
         Cell::Double(orbit.returns),
     ]
+}
+
+/// Columns of a map over two keys: their values, those of a branch, angle (rad) of the largest multiplier, name of the way in which the orbit is
+/// unstable.
+pub fn map_columns([across, along]: &[String; 2]) -> Vec<Column> {
+    let further = [Column::new("largest_angle_rad", Kind::Double), Column::new("stability", Kind::Word)];
+    [Column::new(across, Kind::Double)].into_iter().chain(columns(along)).chain(further).collect()
+}
+
+/// The row of a point in these; almost empty where no orbit was found.
+pub fn map_row([across, along]: [f64; 2], found: Option<&Orbit>) -> Vec<Cell> {
+    let Some(orbit) = found else {
+        let empty = std::iter::repeat_n(Cell::Empty, COLUMNS.len() + 1);
+        let start = [Cell::Double(across), Cell::Double(along)].into_iter();
+        return start.chain(empty).chain([Cell::Word(NOT_FOUND.to_owned())]).collect();
+    };
+    let angle = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
+    let way = orbit.multipliers.unstable().next().map_or(STABLE, |one| orbit.multipliers.kind(one).as_str());
+    [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, Cell::Word(way.to_owned())]).collect()
+}
+
+/// The name in a row of such a map.
+pub fn stability(row: &[Cell]) -> &str {
+    if let Some(Cell::Word(word)) = row.last() { word } else { NOT_FOUND }
+}
+
+/// The map over two keys with the values `values`, from its rows in the order of these: the largest multiplier in colours, and the limit of the
+/// stable region.
+///
+/// # Errors
+/// When it cannot be drawn, which is a mistake of ours.
+pub fn map(
+    caption: impl Into<String>,
+    keys: &[String; 2],
+    values: &[Vec<f64>; 2],
+    rows: &[Vec<Cell>],
+) -> Result<Figure, FigureError> {
+    let is_log = |values: &[f64]| match values {
+        [first, second, .., before, last] if *first > 0.0 && *last > 0.0 => {
+            (second / first - last / before).abs() < 1e-6 * (second / first)
+        }
+        _ => false,
+    };
+    let point = |row: &Vec<Cell>| [double(&row[0]), double(&row[1]), double(&row[1 + LARGEST]).log10()];
+    let map = HeatMap {
+        columns: [keys[0].clone(), keys[1].clone(), "log₁₀ of the largest |μ|".to_owned()],
+        log: [is_log(&values[0]), is_log(&values[1])],
+        log_colours: false,
+        values: rows.iter().map(point).collect(),
+        caption: String::new(),
+    };
+    let sizes = || map.values.iter().map(|point| point[2]).filter(|size| size.is_finite());
+    let scale = ColourScale::new(&map.columns[2], sizes().fold(0.0, f64::min), sizes().fold(0.0, f64::max));
+    let is_stable: Vec<bool> = rows.iter().map(|row| stability(row) == STABLE).collect();
+    let limit = Curve::line("limit of stability", map.border(&is_stable)).colour(Colour::Black);
+    let missed = rows.iter().filter(|row| stability(row) == NOT_FOUND).count();
+    let panel = map.panel(scale, &format!("no orbit found ({missed})"))?;
+    Ok(Figure::new().caption(caption).panel(panel.curve(limit)))
 }
 
 /// The same as numbers.
