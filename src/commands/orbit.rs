@@ -416,13 +416,24 @@ impl<'a> Branch<'a> {
             "branch.png",
             &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks),
         )?;
+        let mut spectra = Vec::new();
         if *end != End::Stopped {
             place.record(self.file, last, "last.mcap", stop)?;
+            spectra = self.file.spectra(stop).map_err(|why| failure(why.into()))?;
         }
+        if !spectra.is_empty() {
+            let caption = format!("branch along {}, and runs beside it from the seed", self.key);
+            let figure = shown::beside_spectra(caption, &self.key, &come.rows, &marks, &spectra);
+            place.draw("spectra.png", &figure)?;
+        }
+        let runs: Vec<Value> = spectra
+            .iter()
+            .map(|one| json!({ "parameter": one.parameter, "bead": one.bead, "rms_m_s": one.rms_m_s() }))
+            .collect();
         place.write_multipliers(&last.multipliers)?;
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
         let told = json!({
-            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last),
+            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last), "runs": runs,
         });
         place.write_report(&told)?;
         report(place.args.json, &told, || {
@@ -435,9 +446,23 @@ impl<'a> Branch<'a> {
                     format!("at {at}: {}", change["words"].as_str().unwrap_or_default())
                 }),
             );
+            rows.each(
+                "run",
+                spectra.iter().map(|one| {
+                    let rms = quantity(one.rms_m_s(), "m/s");
+                    format!("at {}: bead {} moves at {rms} (rms)", number(one.parameter), one.bead)
+                }),
+            );
             add_rows(&mut rows, last);
-            let files =
-                ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", REPORT];
+            let files = [
+                "branch.csv",
+                "branch.png",
+                "spectra.png",
+                "multipliers.csv",
+                "multipliers.png",
+                "last.mcap",
+                REPORT,
+            ];
             rows.each("results", place.results(&files));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;

@@ -1,14 +1,20 @@
 //! An orbit file: a configuration with a table `[orbit]`, and perhaps `[continue]` or `[grid]`.
 
+mod grid;
+mod runs;
+
+pub use grid::Grid;
+
 use crate::branch::Stretch;
-use crate::grid::Grid;
-use crate::{Asked, Options, Orbit, Problem};
+use crate::spectra::Spectrum;
+use crate::{Asked, MapError, Options, Orbit, Problem};
 use producer::sweep::KeyPath;
 use schemas::config::{ConfigError, Initial, RunConfig, Strikers, TimeConfig};
 use schemas::drive::Waveform;
 use schemas::manifest::Physics;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use toml::{Table, Value};
 use waves::linear::LinearChain;
 use waves::modes::Modes;
@@ -53,6 +59,8 @@ struct Continue {
     step: f64,
     #[serde(default = "usual_most")]
     most: usize,
+    /// Runs that are compared with the branch.
+    spectra: Option<runs::Runs>,
 }
 
 fn usual_step() -> f64 {
@@ -99,7 +107,7 @@ impl File {
             let line = |changed: Table, key: &KeyPath, from: f64| {
                 let written = Written::in_document(&changed)?;
                 let (name, step, most) = (key.to_string(), usual_step(), usual_most());
-                let follow = Continue { key: name, from, to: from, step, most };
+                let follow = Continue { key: name, from, to: from, step, most, spectra: None };
                 Self::of((path, changed, written), Some((key.clone(), follow)), prepare)
             };
             let grid = Grid::of(&axes, &document, line)?;
@@ -119,7 +127,20 @@ impl File {
         file.check()?;
         file.find_seed(prepare)?;
         file.problem(file.from())?;
+        file.asked_spectra().map_or(Ok(()), |asked| asked.check(&file))?;
         Ok(file)
+    }
+
+    fn asked_spectra(&self) -> Option<&runs::Runs> {
+        self.follow.as_ref()?.1.spectra.as_ref()
+    }
+
+    /// Makes the runs from the seed whose spectra are asked for beside a branch; none if there are no such.
+    ///
+    /// # Errors
+    /// When a run leaves the range of doubles, or is stopped.
+    pub fn spectra(&self, stop: &AtomicBool) -> Result<Vec<Spectrum>, MapError> {
+        self.asked_spectra().map_or(Ok(Vec::new()), |asked| asked.make(self, stop))
     }
 
     /// The grid, if orbits at all points of one are asked for.
@@ -134,7 +155,7 @@ impl File {
 
     /// The key that a branch is followed along, and the stretch of it; none if one orbit is asked for.
     pub fn stretch(&self) -> Option<(&str, Stretch)> {
-        let (_, Continue { key, from, to, step, most }) = self.follow.as_ref()?;
+        let (_, Continue { key, from, to, step, most, .. }) = self.follow.as_ref()?;
         Some((key, Stretch { from: *from, to: *to, step: *step, most: *most }))
     }
 
@@ -331,7 +352,7 @@ impl Continue {
     }
 }
 
-pub(crate) fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
+fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
     ConfigError::value(key, found, allowed)
 }
 

@@ -23,11 +23,11 @@
 pub mod branch;
 mod eigenvalues;
 pub mod file;
-pub mod grid;
 mod map;
 pub mod multipliers;
 pub mod newton;
 pub mod shown;
+pub mod spectra;
 
 pub use map::MapError;
 pub use newton::{Asked, Family, NoOrbit, Problem};

@@ -3,9 +3,11 @@
 use crate::Orbit;
 use crate::branch::Change;
 use crate::multipliers::Multipliers;
+use crate::spectra::Spectrum;
 use consumers::table::{Cell, Column, Kind};
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Stroke};
-use plots::HeatMap;
+use plots::{HeatMap, column_label};
+use schemas::amounts::quantity;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use waves::dispersion::UnitCell;
@@ -153,6 +155,49 @@ pub struct Mark {
 
 /// A branch, from its rows: amplitude, energy and the largest multiplier along `key`; unstable parts are dashed.
 pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], marks: &[Mark]) -> Figure {
+    let mut figure = Figure::new().caption(caption).shared_x();
+    let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
+    for (column, label) in panels {
+        // one legend serves all panels
+        figure = figure.panel(panel(key, (column, label), column == AMPLITUDE, rows, marks));
+    }
+    figure
+}
+
+/// A branch above spectra of runs at some of its values.
+pub fn beside_spectra(
+    caption: impl Into<String>,
+    key: &str,
+    rows: &[Vec<Cell>],
+    marks: &[Mark],
+    spectra: &[Spectrum],
+) -> Figure {
+    let x = column_label(key);
+    let unit = x.rsplit_once('(').map_or("", |(_, unit)| unit.trim_end_matches(')'));
+    let mut branch = panel(&x, (AMPLITUDE, "largest displacement (m)"), true, rows, marks);
+    let largest = spectra.iter().flat_map(|one| &one.density).fold(0.0_f64, |most, value| most.max(*value));
+    let mut panel = Panel::new()
+        .x_axis(Axis::new("frequency over that of the orbits").limits(0.0, 1.15))
+        .y_axis(Axis::new("velocity PSD (m^{2} s^{−2} Hz^{−1})").log().limits(1e-16 * largest, 3.0 * largest))
+        .vertical("", 1.0)
+        .height(1.1);
+    for one in spectra {
+        branch = branch.vertical("", one.parameter);
+        let points = one.frequencies_hz.iter().zip(&one.density).skip(1);
+        let points = points.map(|(frequency_hz, value)| (frequency_hz / one.orbit_hz, *value));
+        panel = panel.line(format!("bead {} at {}", one.bead, quantity(one.parameter, unit)), points);
+    }
+    Figure::new().caption(caption).panel(branch).panel(panel)
+}
+
+/// A column of a branch along `key`, with the marks; curves have names if `is_named`.
+fn panel(
+    key: &str,
+    (column, label): (usize, &str),
+    is_named: bool,
+    rows: &[Vec<Cell>],
+    marks: &[Mark],
+) -> Panel {
     // the values of each place, and true if the part that leads to it is unstable
     let mut places: Vec<(Vec<f64>, bool)> = Vec::new();
     for (number, row) in rows.iter().enumerate() {
@@ -163,32 +208,26 @@ pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], marks: 
         places.push((row.iter().map(double).collect(), is_unstable));
     }
     let names: BTreeSet<&str> = marks.iter().map(|mark| mark.name.as_str()).collect();
-    let mut figure = Figure::new().caption(caption).shared_x();
-    let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
-    for (column, label) in panels {
-        // one legend serves all panels
-        let named = |name: &str| if column == AMPLITUDE { name.to_owned() } else { String::new() };
-        let point = |values: &[f64]| (values[0], values[column]);
-        let parts = |wanted: bool| {
-            let part = |pair: &[(Vec<f64>, bool)]| {
-                let (from, to) = (point(&pair[0].0), point(&pair[1].0));
-                if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
-            };
-            places.windows(2).flat_map(part).collect::<Vec<_>>()
+    let named = |name: &str| if is_named { name.to_owned() } else { String::new() };
+    let point = |values: &[f64]| (values[0], values[column]);
+    let parts = |wanted: bool| {
+        let part = |pair: &[(Vec<f64>, bool)]| {
+            let (from, to) = (point(&pair[0].0), point(&pair[1].0));
+            if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
         };
-        let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
-        panel = panel.curve(Curve::line(named("stable"), parts(false)));
-        panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
-        if column == LARGEST {
-            panel = panel.horizontal("", 1.0);
-        }
-        for name in &names {
-            let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
-            panel = panel.points(named(name), of_name.collect::<Vec<_>>());
-        }
-        figure = figure.panel(panel);
+        places.windows(2).flat_map(part).collect::<Vec<_>>()
+    };
+    let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
+    panel = panel.curve(Curve::line(named("stable"), parts(false)));
+    panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
+    if column == LARGEST {
+        panel = panel.horizontal("", 1.0);
     }
-    figure
+    for name in &names {
+        let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
+        panel = panel.points(named(name), of_name.collect::<Vec<_>>());
+    }
+    panel
 }
 
 /// The place of the frequency of an orbit among those of linear waves; none if there are no such waves, or the chain repeats no unit.

@@ -10,7 +10,7 @@ use anyhow::Error;
 use consumers::journal::{self, Entry, Journal, JournalError};
 use consumers::table::{Cell, Table};
 use experiments::pool::{self, Told};
-use orbits::grid::Grid;
+use orbits::file::Grid;
 use orbits::{MapError, NoOrbit, shown};
 use serde_json::json;
 use std::collections::BTreeMap;

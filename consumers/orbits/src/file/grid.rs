@@ -3,7 +3,7 @@
 //! A line of the grid has one value of the first key. The orbits on it are found one after the other, each from the state of the one before: rows of
 //! a line depend on nothing but the file.
 
-use crate::file::{File, refused};
+use super::{File, refused};
 use crate::newton::Unknown;
 use crate::{MapError, NoOrbit, Orbit, Search, shown};
 use consumers::table::Cell;
@@ -29,7 +29,7 @@ pub struct Grid {
 
 impl Grid {
     /// The two axes in a file, if it has a grid.
-    pub(crate) fn axes(text: &str, path: &Path) -> Result<Option<[GridAxis; 2]>, ConfigError> {
+    pub(super) fn axes(text: &str, path: &Path) -> Result<Option<[GridAxis; 2]>, ConfigError> {
         let axes = sweep::grid(text, path, MOST_POINTS).map_err(|error| match error {
             SweepError::Config(error) => error,
             other => refused("grid", &other.to_string(), "two keys"),
@@ -47,7 +47,7 @@ impl Grid {
     }
 
     /// The grid of `axes` over `document`; `line` makes the file of a line from a document, the key along the line and its first value.
-    pub(crate) fn of(
+    pub(super) fn of(
         axes: &[GridAxis; 2],
         document: &Table,
         line: impl Fn(Table, &KeyPath, f64) -> Result<File, ConfigError>,
@@ -76,7 +76,7 @@ impl Grid {
     }
 
     /// The file of the first line.
-    pub(crate) fn first(&self) -> &File {
+    pub(super) fn first(&self) -> &File {
         &self.lines[0]
     }
 
@@ -96,25 +96,36 @@ impl Grid {
             Err(NoOrbit::Map(MapError::Stopped)) => return Err(MapError::Stopped.into()),
             begun => begun.ok(),
         };
-        let mut known: Option<Unknown> = None;
-        let mut rows = Vec::new();
-        for value in &self.values[1] {
-            let found = match &search {
-                Some(search) => found(search, known.as_ref(), *value)?,
-                None => None,
-            };
-            rows.push(shown::map_row([self.values[0][line], *value], found.as_ref()));
-            known = found.map(|orbit| orbit.unknown).or(known);
+        let values = &self.values[1];
+        let row = |value: f64, found: Option<&Orbit>| shown::map_row([self.values[0][line], value], found);
+        let mut rows: Vec<Vec<Cell>> = values.iter().map(|value| row(*value, None)).collect();
+        let mut all: Vec<Option<Unknown>> = vec![None; values.len()];
+        let Some(search) = search else { return Ok(rows) };
+        for place in 0..values.len() {
+            let known = all[..place].iter().flatten().next_back();
+            if let Some(orbit) = found(&search, &[known, None], values[place])? {
+                rows[place] = row(values[place], Some(&orbit));
+                all[place] = Some(orbit.unknown);
+            }
             look();
+        }
+        // beyond the end of a branch the next one may come back to where it was not yet found
+        for place in (0..values.len() - 1).rev() {
+            if let (None, Some(known)) = (&all[place], &all[place + 1])
+                && let Some(orbit) = found(&search, &[Some(known)], values[place])?
+            {
+                rows[place] = row(values[place], Some(&orbit));
+                all[place] = Some(orbit.unknown);
+            }
         }
         Ok(rows)
     }
 }
 
-/// The orbit at `value` near `known`; or near the seed, which finds orbits that the branch of the neighbours does not have.
-fn found(search: &Search<'_>, known: Option<&Unknown>, value: f64) -> Result<Option<Orbit>, NoOrbit> {
-    for near in known.is_some().then_some(known).into_iter().chain([None]) {
-        match search.near(near, value) {
+/// The orbit at `value` near one of `seeds`, or, for none, near that of the file.
+fn found(search: &Search<'_>, seeds: &[Option<&Unknown>], value: f64) -> Result<Option<Orbit>, NoOrbit> {
+    for seed in seeds {
+        match search.near(*seed, value) {
             Ok(orbit) => return Ok(Some(orbit)),
             Err(why @ NoOrbit::Map(MapError::Stopped)) => return Err(why),
             Err(_) => {}
