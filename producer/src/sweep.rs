@@ -18,7 +18,7 @@ mod keys;
 mod sobol;
 mod values;
 
-pub use definition::Until;
+pub use definition::{GridAxis, Until, grid};
 pub use document::KeyPath;
 pub use ensemble::Ensemble;
 pub use identity::MOST_CHECKED;

@@ -1,4 +1,6 @@
-//! `beadline orbit`: periodic orbits, their multipliers, branches of orbits.
+//! `beadline orbit`: periodic orbits, their multipliers, branches and maps of orbits.
+
+mod map;
 
 use crate::args::OrbitArgs;
 use crate::configuration::origin;
@@ -28,10 +30,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Orbit files to begin with.
-const EXAMPLES: [(&str, &str); 3] = [
+const EXAMPLES: [(&str, &str); 4] = [
     ("breather", include_str!("orbit/breather.toml")),
     ("diode", include_str!("orbit/diode.toml")),
     ("fput", include_str!("orbit/fput.toml")),
+    ("map", include_str!("orbit/map.toml")),
 ];
 
 /// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
@@ -67,9 +70,10 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let family = |parameter: f64| file.problem(parameter);
     let search = Search::begin(&family, file.from(), file.options(), &stop).map_err(failure)?;
-    match file.stretch() {
-        None => one(&place, &file, &search, &stop),
-        Some(_) => Branch::of(&place, &file, search)?.follow(&stop),
+    match (file.grid(), file.stretch()) {
+        (Some(grid), _) => map::map(&place, grid, &stop),
+        (None, None) => one(&place, &file, &search, &stop),
+        (None, Some(_)) => Branch::of(&place, &file, search)?.follow(&stop),
     }
 }
 
@@ -95,8 +99,9 @@ impl Place<'_> {
         let found = fs::read_to_string(&sign).ok();
         let is_empty = fs::read_dir(self.out).map_or(true, |mut entries| entries.next().is_none());
         let is_ours = found.as_deref() == Some(self.text);
-        // a branch that has ended is told again
-        let is_unfinished = self.out.join(JOURNAL).exists() || !self.out.join(REPORT).exists();
+        // a branch or a map that has ended is told again
+        let goes_on = [JOURNAL, map::JOURNAL].iter().any(|journal| self.out.join(journal).exists());
+        let is_unfinished = goes_on || !self.out.join(REPORT).exists();
         if is_empty || self.args.force && found.is_some() || is_ours && is_unfinished {
             return Ok(());
         }
@@ -114,7 +119,9 @@ impl Place<'_> {
         create_directory(self.out)?;
         let sign = self.out.join(SIGN);
         if self.args.force || fs::read_to_string(&sign).ok().as_deref() != Some(self.text) {
-            let _ = fs::remove_file(self.out.join(JOURNAL));
+            for journal in [JOURNAL, map::JOURNAL] {
+                let _ = fs::remove_file(self.out.join(journal));
+            }
         }
         Ok(whole_file::write(&sign, self.text.as_bytes(), true)?)
     }
@@ -409,13 +416,24 @@ impl<'a> Branch<'a> {
             "branch.png",
             &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks),
         )?;
+        let mut spectra = Vec::new();
         if *end != End::Stopped {
             place.record(self.file, last, "last.mcap", stop)?;
+            spectra = self.file.spectra(stop).map_err(|why| failure(why.into()))?;
         }
+        if !spectra.is_empty() {
+            let caption = format!("branch along {}, and runs beside it from the seed", self.key);
+            let figure = shown::beside_spectra(caption, &self.key, &come.rows, &marks, &spectra);
+            place.draw("spectra.png", &figure)?;
+        }
+        let runs: Vec<Value> = spectra
+            .iter()
+            .map(|one| json!({ "parameter": one.parameter, "bead": one.bead, "rms_m_s": one.rms_m_s() }))
+            .collect();
         place.write_multipliers(&last.multipliers)?;
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
         let told = json!({
-            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last),
+            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last), "runs": runs,
         });
         place.write_report(&told)?;
         report(place.args.json, &told, || {
@@ -428,9 +446,23 @@ impl<'a> Branch<'a> {
                     format!("at {at}: {}", change["words"].as_str().unwrap_or_default())
                 }),
             );
+            rows.each(
+                "run",
+                spectra.iter().map(|one| {
+                    let rms = quantity(one.rms_m_s(), "m/s");
+                    format!("at {}: bead {} moves at {rms} (rms)", number(one.parameter), one.bead)
+                }),
+            );
             add_rows(&mut rows, last);
-            let files =
-                ["branch.csv", "branch.png", "multipliers.csv", "multipliers.png", "last.mcap", REPORT];
+            let files = [
+                "branch.csv",
+                "branch.png",
+                "spectra.png",
+                "multipliers.csv",
+                "multipliers.png",
+                "last.mcap",
+                REPORT,
+            ];
             rows.each("results", place.results(&files));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;

@@ -40,6 +40,8 @@ fn the_diode_jumps_at_a_fold_and_is_unsteady_beyond() {
     {
         assert!(place.path("diode").join(file).exists(), "{file}");
     }
+    let rms = |run: usize| found["runs"][run]["rms_m_s"].as_f64().unwrap();
+    assert!(rms(0) < 1e-7 && rms(1) > 1e-4 && place.path("diode/spectra.png").exists(), "{}", found["runs"]);
     place.run("verify diode/change-1.mcap").exits(0);
     // however often it is interrupted, it has the same bytes
     let running = place.start("orbit diode.toml --out parts");
@@ -150,5 +152,113 @@ fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
     place.write("other/notes.txt", "mine");
     let refused = place.run("orbit breather.toml --out other").exits(2);
     assert!(refused.stderr().contains("holds something else"), "{}", refused.stderr());
-    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput"));
+    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput, map"));
+}
+
+/// The example of a map with 6 values of each key.
+fn small_map(place: &Place) {
+    let text = place.read("map.toml").replace("count = 13", "count = 6").replace("count = 16", "count = 6");
+    // the run's own number differs along a line
+    let text = text.replace("[orbit]\n", "[orbit]\nsteps = 1000\n");
+    place.write("map.toml", &text);
+}
+
+fn rows(place: &Place, file: &str) -> Vec<Vec<String>> {
+    place.read(file).lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn points_of_a_map_are_orbits_of_their_own() {
+    let place = example("map");
+    small_map(&place);
+    let found = place.run("orbit map.toml --out map --json").exits(0).json();
+    let rows = rows(&place, "map/map.csv");
+    assert_eq!((found["points"].as_u64(), rows.len()), (Some(36), 36));
+    let counted: u64 = found["stability"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum();
+    assert!(counted == 36 && found["stability"]["period doubling"].as_u64() > Some(0), "{found}");
+    assert!(place.path("map/map.png").exists());
+    let text = place.read("map.toml");
+    for row in [0, 5, 17, 35].map(|row| &rows[row]) {
+        let one = text.split("# two keys").next().unwrap();
+        let one = one.replace("frequency_hz = 10500.0", &format!("frequency_hz = {}", row[0]));
+        place.write("one.toml", &one.replace("amplitude = 1e-8", &format!("amplitude = {}", row[1])));
+        let alone = place.run("orbit one.toml --out one --force --json").exits(0).json();
+        let largest = alone["multipliers"][0].clone();
+        let size = largest["re"].as_f64().unwrap().hypot(largest["im"].as_f64().unwrap());
+        let number = |column: usize| row[column].parse::<f64>().unwrap();
+        let energy = alone["energy_j"].as_f64().unwrap();
+        assert!(
+            (number(3) / energy - 1.0).abs() < 1e-9 && (number(5) - size).abs() < 1e-7,
+            "{row:?} {alone}"
+        );
+        assert_eq!(row[9] == "stable", alone["is_stable"] == true, "{row:?}");
+    }
+}
+
+/// However many threads find a map, and however often it is interrupted, its files are the same.
+#[test]
+fn an_interrupted_map_goes_on_to_the_same_bytes() {
+    let place = example("map");
+    small_map(&place);
+    place.run("orbit map.toml --out whole --jobs 2").exits(0);
+    place.run("orbit map.toml --out parts --jobs 1").exits(0);
+    // as a kill leaves it: a line of the map, a part of the next one, a torn row
+    let journal = place.path("parts").join("map.journal");
+    let text = fs::read_to_string(&journal).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 37);
+    fs::write(&journal, format!("{}\n{}", lines[..10].join("\n"), &lines[10][..20])).unwrap();
+    for file in ["map.csv", "map.png", "orbit.json"] {
+        fs::remove_file(place.path("parts").join(file)).unwrap();
+    }
+    place.run("orbit map.toml --out parts").exits(0);
+    for file in ["map.csv", "map.png", "orbit.json"] {
+        let [whole, parts] =
+            ["whole", "parts"].map(|directory| fs::read(place.path(directory).join(file)).unwrap());
+        assert!(whole == parts, "{file}");
+    }
+    // a signal keeps whole lines, and the same command goes on
+    let large = place.read("map.toml").replace("count = 6", "count = 61");
+    place.write("large.toml", &large);
+    let running = place.start("orbit large.toml --out large --jobs 1");
+    wait_until("a line", || {
+        let journal = fs::read_to_string(place.path("large").join("map.journal")).ok()?;
+        (journal.lines().count() > 61).then_some(())
+    });
+    running.signal("INT");
+    running.wait().exits(3);
+    assert!(!place.path("large/map.csv").exists());
+}
+
+#[test]
+fn impossible_maps_are_refused_with_the_line_and_leave_nothing() {
+    let place = example("map");
+    let text = place.read("map.toml");
+    let amplitude = "\"drive[0].displacement_m.sine.amplitude\" = { from = 5e-8, to = 8e-7, count = 16 }\n";
+    let follow = "[continue]\nkey = \"orbit.periods\"\nfrom = 1.0\nto = 2.0\n[grid]";
+    for (from, to, expected) in [
+        (amplitude, "", "map.toml:26: grid: found 1 keys"),
+        ("count = 16", "count = 1", "map.toml:28: drive[0]"),
+        ("count = 16", "count = 4000", "at most 10000"),
+        ("from = 10000", "from = -10000", "map.toml:27: drive[0]"),
+        ("{ from = 5e-8, to = 8e-7, count = 16 }", "[\n1e-7,\n\"much\"]", "map.toml:30: drive[0]"),
+        ("{ from = 5e-8, to = 8e-7, count = 16 }", "[1e-7, 3e-7, 2e-7]", "rise or fall"),
+        ("drive[0].displacement_m.sine.amplitude", "drive[1].displacement_m.sine.amplitude", "entry 1"),
+        ("[grid]", follow, "[grid] beside it"),
+    ] {
+        let wrong = text.replace(from, to);
+        assert_ne!(wrong, text, "{from}");
+        place.write("map.toml", &wrong);
+        let refused = place.run("orbit map.toml --out wrong").exits(2);
+        assert!(refused.stderr().contains(expected), "{expected}: {}", refused.stderr());
+        assert!(!place.path("wrong").exists(), "{expected}");
+    }
+    // beyond the last orbit of a branch nothing is found, and this is told
+    let example = place.run("orbit --example diode").exits(0).stdout();
+    let beyond = "\n[grid]\n\"drive[0].displacement_m.sine.frequency_hz\" = [10490.0, 10500.0]\n\
+        \"drive[0].displacement_m.sine.amplitude\" = [6e-7, 8e-7]\n";
+    place.write("beyond.toml", &(example.split("[continue]").next().unwrap().to_owned() + beyond));
+    let missed = place.run("orbit beyond.toml --out beyond --json").exits(3);
+    assert!(missed.stderr().contains("no orbit that was found"), "{}", missed.stderr());
+    assert_eq!(missed.json()["points"], 4);
 }

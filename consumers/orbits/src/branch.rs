@@ -94,6 +94,15 @@ impl Search<'_> {
         self.orbit(self.newton.find(unknown, None)?)
     }
 
+    /// The orbit at `parameter` near `known`, or near the seed.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn near(&self, known: Option<&Unknown>, parameter: f64) -> Result<Orbit, NoOrbit> {
+        let known = known.unwrap_or(&self.start).clone();
+        self.orbit(self.newton.find(&Unknown { parameter, ..known }, None)?)
+    }
+
     /// The search with the units of `stretch`.
     #[must_use]
     pub fn along(mut self, stretch: &Stretch) -> Self {

@@ -1,13 +1,20 @@
-//! An orbit file: a configuration with a table `[orbit]`, and perhaps `[continue]`.
+//! An orbit file: a configuration with a table `[orbit]`, and perhaps `[continue]` or `[grid]`.
+
+mod grid;
+mod runs;
+
+pub use grid::Grid;
 
 use crate::branch::Stretch;
-use crate::{Asked, Options, Orbit, Problem};
+use crate::spectra::Spectrum;
+use crate::{Asked, MapError, Options, Orbit, Problem};
 use producer::sweep::KeyPath;
 use schemas::config::{ConfigError, Initial, RunConfig, Strikers, TimeConfig};
 use schemas::drive::Waveform;
 use schemas::manifest::Physics;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use toml::{Table, Value};
 use waves::linear::LinearChain;
 use waves::modes::Modes;
@@ -52,6 +59,8 @@ struct Continue {
     step: f64,
     #[serde(default = "usual_most")]
     most: usize,
+    /// Runs that are compared with the branch.
+    spectra: Option<runs::Runs>,
 }
 
 fn usual_step() -> f64 {
@@ -63,6 +72,7 @@ fn usual_most() -> usize {
 }
 
 /// An orbit file, read.
+#[derive(Debug, Clone)]
 pub struct File {
     path: PathBuf,
     document: Table,
@@ -72,9 +82,10 @@ pub struct File {
     seed: Initial,
     /// The period (s) of a mode that is the seed.
     mode_period_s: Option<f64>,
+    grid: Option<Grid>,
 }
 
-const TABLES: [&str; 2] = ["orbit", "continue"];
+const TABLES: [&str; 3] = ["orbit", "continue", "grid"];
 
 impl File {
     /// Reads the file `path` with the contents `text`.
@@ -85,16 +96,56 @@ impl File {
         let read = || -> Result<Self, ConfigError> {
             let document: Table = text.parse().map_err(|error| ConfigError::of_toml(&error, text))?;
             let tables: Tables = toml::from_str(text).map_err(|error| ConfigError::of_toml(&error, text))?;
-            let written = tables.orbit.unwrap_or_default();
             let follow = tables.r#continue.map(Continue::checked).transpose()?;
-            let (path, seed) = (path.to_owned(), Initial::default());
-            let mut file = Self { path, document, written, follow, seed, mode_period_s: None };
-            file.check()?;
-            file.find_seed(prepare)?;
-            file.problem(file.from())?;
-            Ok(file)
+            let Some(axes) = Grid::axes(text, path)? else {
+                let written = tables.orbit.unwrap_or_default();
+                return Self::of((path, document, written), follow, prepare);
+            };
+            if follow.is_some() {
+                return Err(refused("continue", "[grid] beside it", "one of the two"));
+            }
+            let line = |changed: Table, key: &KeyPath, from: f64| {
+                let written = Written::in_document(&changed)?;
+                let (name, step, most) = (key.to_string(), usual_step(), usual_most());
+                let follow = Continue { key: name, from, to: from, step, most, spectra: None };
+                Self::of((path, changed, written), Some((key.clone(), follow)), prepare)
+            };
+            let grid = Grid::of(&axes, &document, line)?;
+            let first = grid.first().clone();
+            Ok(Self { grid: Some(grid), ..first })
         };
         read().map_err(|error| error.located(text, Some(path)))
+    }
+
+    fn of(
+        (path, document, written): (&Path, Table, Written),
+        follow: Option<(KeyPath, Continue)>,
+        prepare: Prepare,
+    ) -> Result<Self, ConfigError> {
+        let (path, seed) = (path.to_owned(), Initial::default());
+        let mut file = Self { path, document, written, follow, seed, mode_period_s: None, grid: None };
+        file.check()?;
+        file.find_seed(prepare)?;
+        file.problem(file.from())?;
+        file.asked_spectra().map_or(Ok(()), |asked| asked.check(&file))?;
+        Ok(file)
+    }
+
+    fn asked_spectra(&self) -> Option<&runs::Runs> {
+        self.follow.as_ref()?.1.spectra.as_ref()
+    }
+
+    /// Makes the runs from the seed whose spectra are asked for beside a branch; none if there are no such.
+    ///
+    /// # Errors
+    /// When a run leaves the range of doubles, or is stopped.
+    pub fn spectra(&self, stop: &AtomicBool) -> Result<Vec<Spectrum>, MapError> {
+        self.asked_spectra().map_or(Ok(Vec::new()), |asked| asked.make(self, stop))
+    }
+
+    /// The grid, if orbits at all points of one are asked for.
+    pub fn grid(&self) -> Option<&Grid> {
+        self.grid.as_ref()
     }
 
     /// The parameter at the first orbit.
@@ -104,7 +155,7 @@ impl File {
 
     /// The key that a branch is followed along, and the stretch of it; none if one orbit is asked for.
     pub fn stretch(&self) -> Option<(&str, Stretch)> {
-        let (_, Continue { key, from, to, step, most }) = self.follow.as_ref()?;
+        let (_, Continue { key, from, to, step, most, .. }) = self.follow.as_ref()?;
         Some((key, Stretch { from: *from, to: *to, step: *step, most: *most }))
     }
 
@@ -152,9 +203,7 @@ impl File {
                 |why: String| ConfigError { path: None, line: None, key: follow.key.clone(), message: why };
             key.set(&mut document, Value::Float(parameter)).map_err(refuse)?;
         }
-        let orbit = document.get("orbit").cloned().unwrap_or_else(|| Value::Table(Table::new()));
-        let refuse = |error: toml::de::Error| ConfigError::of_toml(&error, "");
-        let written = Written::deserialize(orbit).map_err(refuse)?;
+        let written = Written::in_document(&document)?;
         for table in TABLES.into_iter().chain(["initial", "striker", "time"]) {
             document.remove(table);
         }
@@ -274,6 +323,13 @@ impl File {
         self.seed = Initial { displacements_m: shape.collect(), ..Initial::default() };
         self.mode_period_s = Some(1.0 / modes.frequency_hz(place)).filter(|period_s| period_s.is_finite());
         Ok(())
+    }
+}
+
+impl Written {
+    fn in_document(document: &Table) -> Result<Self, ConfigError> {
+        let orbit = document.get("orbit").cloned().unwrap_or_else(|| Value::Table(Table::new()));
+        Self::deserialize(orbit).map_err(|error| ConfigError::of_toml(&error, ""))
     }
 }
 

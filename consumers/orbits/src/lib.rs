@@ -27,6 +27,7 @@ mod map;
 pub mod multipliers;
 pub mod newton;
 pub mod shown;
+pub mod spectra;
 
 pub use map::MapError;
 pub use newton::{Asked, Family, NoOrbit, Problem};

@@ -3,8 +3,11 @@
 use crate::Orbit;
 use crate::branch::Change;
 use crate::multipliers::Multipliers;
+use crate::spectra::Spectrum;
 use consumers::table::{Cell, Column, Kind};
-use figure::{Axis, Curve, Figure, Panel, Stroke};
+use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Stroke};
+use plots::{HeatMap, column_label};
+use schemas::amounts::quantity;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use waves::dispersion::UnitCell;
@@ -13,6 +16,10 @@ use waves::linear::LinearChain;
 /// Columns of a branch, after that of the parameter.
 const COLUMNS: [&str; 6] =
     ["period_s", "energy_j", "amplitude_m", "largest_multiplier", "unstable", "returns"];
+/// Names of points on a map that have no name of an instability.
+pub const STABLE: &str = "stable";
+/// The same without an orbit.
+pub const NOT_FOUND: &str = "no orbit found";
 /// Places of these among the columns of a branch.
 const ENERGY: usize = 2;
 const AMPLITUDE: usize = 3;
@@ -38,6 +45,64 @@ pub fn row(orbit: &Orbit) -> Vec<Cell> {
         Cell::Integer(orbit.multipliers.unstable().count() as u64),
         Cell::Double(orbit.returns),
     ]
+}
+
+/// Columns of a map over two keys: their values, those of a branch, angle (rad) of the largest multiplier, name of the way in which the orbit is
+/// unstable.
+pub fn map_columns([across, along]: &[String; 2]) -> Vec<Column> {
+    let further = [Column::new("largest_angle_rad", Kind::Double), Column::new("stability", Kind::Word)];
+    [Column::new(across, Kind::Double)].into_iter().chain(columns(along)).chain(further).collect()
+}
+
+/// The row of a point in these; almost empty where no orbit was found.
+pub fn map_row([across, along]: [f64; 2], found: Option<&Orbit>) -> Vec<Cell> {
+    let Some(orbit) = found else {
+        let empty = std::iter::repeat_n(Cell::Empty, COLUMNS.len() + 1);
+        let start = [Cell::Double(across), Cell::Double(along)].into_iter();
+        return start.chain(empty).chain([Cell::Word(NOT_FOUND.to_owned())]).collect();
+    };
+    let angle = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
+    let way = orbit.multipliers.unstable().next().map_or(STABLE, |one| orbit.multipliers.kind(one).as_str());
+    [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, Cell::Word(way.to_owned())]).collect()
+}
+
+/// The name in a row of such a map.
+pub fn stability(row: &[Cell]) -> &str {
+    if let Some(Cell::Word(word)) = row.last() { word } else { NOT_FOUND }
+}
+
+/// The map over two keys with the values `values`, from its rows in the order of these: the largest multiplier in colours, and the limit of the
+/// stable region.
+///
+/// # Errors
+/// When it cannot be drawn, which is a mistake of ours.
+pub fn map(
+    caption: impl Into<String>,
+    keys: &[String; 2],
+    values: &[Vec<f64>; 2],
+    rows: &[Vec<Cell>],
+) -> Result<Figure, FigureError> {
+    let is_log = |values: &[f64]| match values {
+        [first, second, .., before, last] if *first > 0.0 && *last > 0.0 => {
+            (second / first - last / before).abs() < 1e-6 * (second / first)
+        }
+        _ => false,
+    };
+    let point = |row: &Vec<Cell>| [double(&row[0]), double(&row[1]), double(&row[1 + LARGEST]).log10()];
+    let map = HeatMap {
+        columns: [keys[0].clone(), keys[1].clone(), "log₁₀ of the largest |μ|".to_owned()],
+        log: [is_log(&values[0]), is_log(&values[1])],
+        log_colours: false,
+        values: rows.iter().map(point).collect(),
+        caption: String::new(),
+    };
+    let sizes = || map.values.iter().map(|point| point[2]).filter(|size| size.is_finite());
+    let scale = ColourScale::new(&map.columns[2], sizes().fold(0.0, f64::min), sizes().fold(0.0, f64::max));
+    let is_stable: Vec<bool> = rows.iter().map(|row| stability(row) == STABLE).collect();
+    let limit = Curve::line("limit of stability", map.border(&is_stable)).colour(Colour::Black);
+    let missed = rows.iter().filter(|row| stability(row) == NOT_FOUND).count();
+    let panel = map.panel(scale, &format!("no orbit found ({missed})"))?;
+    Ok(Figure::new().caption(caption).panel(panel.curve(limit)))
 }
 
 /// The same as numbers.
@@ -90,6 +155,49 @@ pub struct Mark {
 
 /// A branch, from its rows: amplitude, energy and the largest multiplier along `key`; unstable parts are dashed.
 pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], marks: &[Mark]) -> Figure {
+    let mut figure = Figure::new().caption(caption).shared_x();
+    let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
+    for (column, label) in panels {
+        // one legend serves all panels
+        figure = figure.panel(panel(key, (column, label), column == AMPLITUDE, rows, marks));
+    }
+    figure
+}
+
+/// A branch above spectra of runs at some of its values.
+pub fn beside_spectra(
+    caption: impl Into<String>,
+    key: &str,
+    rows: &[Vec<Cell>],
+    marks: &[Mark],
+    spectra: &[Spectrum],
+) -> Figure {
+    let x = column_label(key);
+    let unit = x.rsplit_once('(').map_or("", |(_, unit)| unit.trim_end_matches(')'));
+    let mut branch = panel(&x, (AMPLITUDE, "largest displacement (m)"), true, rows, marks);
+    let largest = spectra.iter().flat_map(|one| &one.density).fold(0.0_f64, |most, value| most.max(*value));
+    let mut panel = Panel::new()
+        .x_axis(Axis::new("frequency over that of the orbits").limits(0.0, 1.15))
+        .y_axis(Axis::new("velocity PSD (m^{2} s^{−2} Hz^{−1})").log().limits(1e-16 * largest, 3.0 * largest))
+        .vertical("", 1.0)
+        .height(1.1);
+    for one in spectra {
+        branch = branch.vertical("", one.parameter);
+        let points = one.frequencies_hz.iter().zip(&one.density).skip(1);
+        let points = points.map(|(frequency_hz, value)| (frequency_hz / one.orbit_hz, *value));
+        panel = panel.line(format!("bead {} at {}", one.bead, quantity(one.parameter, unit)), points);
+    }
+    Figure::new().caption(caption).panel(branch).panel(panel)
+}
+
+/// A column of a branch along `key`, with the marks; curves have names if `is_named`.
+fn panel(
+    key: &str,
+    (column, label): (usize, &str),
+    is_named: bool,
+    rows: &[Vec<Cell>],
+    marks: &[Mark],
+) -> Panel {
     // the values of each place, and true if the part that leads to it is unstable
     let mut places: Vec<(Vec<f64>, bool)> = Vec::new();
     for (number, row) in rows.iter().enumerate() {
@@ -100,32 +208,26 @@ pub fn branch(caption: impl Into<String>, key: &str, rows: &[Vec<Cell>], marks: 
         places.push((row.iter().map(double).collect(), is_unstable));
     }
     let names: BTreeSet<&str> = marks.iter().map(|mark| mark.name.as_str()).collect();
-    let mut figure = Figure::new().caption(caption).shared_x();
-    let panels = [(AMPLITUDE, "largest displacement (m)"), (ENERGY, "energy (J)"), (LARGEST, "largest |μ|")];
-    for (column, label) in panels {
-        // one legend serves all panels
-        let named = |name: &str| if column == AMPLITUDE { name.to_owned() } else { String::new() };
-        let point = |values: &[f64]| (values[0], values[column]);
-        let parts = |wanted: bool| {
-            let part = |pair: &[(Vec<f64>, bool)]| {
-                let (from, to) = (point(&pair[0].0), point(&pair[1].0));
-                if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
-            };
-            places.windows(2).flat_map(part).collect::<Vec<_>>()
+    let named = |name: &str| if is_named { name.to_owned() } else { String::new() };
+    let point = |values: &[f64]| (values[0], values[column]);
+    let parts = |wanted: bool| {
+        let part = |pair: &[(Vec<f64>, bool)]| {
+            let (from, to) = (point(&pair[0].0), point(&pair[1].0));
+            if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
         };
-        let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
-        panel = panel.curve(Curve::line(named("stable"), parts(false)));
-        panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
-        if column == LARGEST {
-            panel = panel.horizontal("", 1.0);
-        }
-        for name in &names {
-            let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
-            panel = panel.points(named(name), of_name.collect::<Vec<_>>());
-        }
-        figure = figure.panel(panel);
+        places.windows(2).flat_map(part).collect::<Vec<_>>()
+    };
+    let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
+    panel = panel.curve(Curve::line(named("stable"), parts(false)));
+    panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
+    if column == LARGEST {
+        panel = panel.horizontal("", 1.0);
     }
-    figure
+    for name in &names {
+        let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
+        panel = panel.points(named(name), of_name.collect::<Vec<_>>());
+    }
+    panel
 }
 
 /// The place of the frequency of an orbit among those of linear waves; none if there are no such waves, or the chain repeats no unit.

@@ -209,6 +209,37 @@ impl Definition {
     }
 }
 
+/// The values of one key of a table `[grid]`, each with its line.
+#[derive(Debug, Clone)]
+pub struct GridAxis {
+    /// The key.
+    pub key: KeyPath,
+    /// Its values; at least one.
+    pub values: Vec<(Value, usize)>,
+}
+
+/// The axes in the table `[grid]` of any file `path` with the contents `text`, in the order of the file; none without such a table.
+///
+/// # Errors
+/// With the line, for a wrong value, and for more than `most` points.
+pub fn grid(text: &str, path: &Path, most: u64) -> Result<Vec<GridAxis>, SweepError> {
+    let reader = Reader { text, path };
+    let document = DeTable::parse(text).map_err(|error| syntax(text, path, &error))?;
+    let Some(grid) = document.get_ref().get("grid") else { return Ok(Vec::new()) };
+    let axes = reader.grid(grid)?;
+    let points = axes.iter().fold(1, |points: u64, axis| points.saturating_mul(axis.count()));
+    if points > most {
+        let message = format!("found {points} points; allowed: at most {most}");
+        return Err(reader.refuse(grid.span().start, "grid", message));
+    }
+    let of = |axis: &Axis| {
+        let settings = (0..axis.count()).map(|place| axis.at(place));
+        let values = settings.map(|Setting { value, line, .. }| (value, line)).collect();
+        GridAxis { key: axis.key.clone(), values }
+    };
+    Ok(axes.iter().map(of).collect())
+}
+
 type Located<'i> = Spanned<DeValue<'i>>;
 
 impl Reader<'_> {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 22] = [
-    ("the command", 14_000),
+    ("the command", 14_150),
     ("schemas", 8_500),
     ("schemas/bus", 4_400),
     ("schemas/recording", 6_800),
@@ -19,9 +19,9 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("consumers/experiments", 1_260),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
-    ("consumers/orbits", 1_700),
+    ("consumers/orbits", 2_040),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_300),
+    ("consumers/plots", 1_330),
     ("consumers/screen", 700),
     ("consumers/waves", 1_250),
     ("page", 1_250),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 73_200;
+const MOST_LINES: usize = 73_650;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -29,38 +29,80 @@ pub struct HeatMap {
 /// # Errors
 /// When the map cannot be drawn, which is a mistake of ours.
 pub fn heat_map(map: &HeatMap) -> Result<Figure, FigureError> {
-    let [x, y] = [0, 1].map(|side| Side::new(map, side));
-    let mut sums = vec![(0.0, 0_u32); x.cells() * y.cells()];
-    for [at_x, at_y, value] in map.values.iter().filter(|row| row[2].is_finite()) {
-        if let (Some(column), Some(row)) = (x.cell(*at_x), y.cell(*at_y)) {
-            let (sum, count) = &mut sums[row * x.cells() + column];
-            (*sum, *count) = (*sum + value, *count + 1);
-        }
-    }
-    let means = sums.iter().map(|(sum, count)| (*count > 0).then(|| sum / f64::from(*count)));
-    let means: Vec<Option<f64>> = means.collect();
-    let scale = scale(map, means.iter().flatten().copied());
-    let (columns, rows) = (x.drawn(), y.drawn());
-    let cells = x.cells();
-    let drawn = rows
-        .iter()
-        .flat_map(|row| columns.iter().map(|column| means[*row * cells + *column]).collect::<Vec<_>>());
-    #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
-    let drawn: Vec<Option<f32>> = drawn.map(|value| value.map(|value| value as f32)).collect();
-    let count = |cells: &[usize]| u32::try_from(cells.len()).unwrap_or(u32::MAX);
-    let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing("no value");
-    let axis = |side: &Side, name: &str| {
-        let (from, to) = side.ends();
-        let axis = Axis::new(column_label(name)).limits(from, to);
-        if side.log { axis.log() } else { axis }
-    };
-    let panel = Panel::new()
-        .x_axis(axis(&x, &map.columns[0]))
-        .y_axis(axis(&y, &map.columns[1]))
-        .raster(raster.over(x.ends(), y.ends()))
-        .height(1.35);
+    let [x, y] = map.sides();
+    let scale = scale(map, map.means(&x, &y).into_iter().flatten());
     let binned = if x.is_grid && y.is_grid { "" } else { "; of the rows in a cell the mean" };
-    Ok(Figure::new().caption(format!("{}{binned}", map.caption)).panel(panel))
+    Ok(Figure::new().caption(format!("{}{binned}", map.caption)).panel(map.panel(scale, "no value")?))
+}
+
+impl HeatMap {
+    fn sides(&self) -> [Side; 2] {
+        [0, 1].map(|side| Side::new(self, side))
+    }
+
+    /// The mean in each cell.
+    fn means(&self, x: &Side, y: &Side) -> Vec<Option<f64>> {
+        let mut sums = vec![(0.0, 0_u32); x.cells() * y.cells()];
+        for [at_x, at_y, value] in self.values.iter().filter(|row| row[2].is_finite()) {
+            if let (Some(column), Some(row)) = (x.cell(*at_x), y.cell(*at_y)) {
+                let (sum, count) = &mut sums[row * x.cells() + column];
+                (*sum, *count) = (*sum + value, *count + 1);
+            }
+        }
+        sums.iter().map(|(sum, count)| (*count > 0).then(|| sum / f64::from(*count))).collect()
+    }
+
+    /// Its panel with the colours of `scale`; cells without a value are named `nothing`.
+    ///
+    /// # Errors
+    /// As [`heat_map`].
+    pub fn panel(&self, scale: ColourScale, nothing: &str) -> Result<Panel, FigureError> {
+        let [x, y] = self.sides();
+        let means = self.means(&x, &y);
+        let (columns, rows) = (x.drawn(), y.drawn());
+        let cells = x.cells();
+        let drawn = rows
+            .iter()
+            .flat_map(|row| columns.iter().map(|column| means[*row * cells + *column]).collect::<Vec<_>>());
+        #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
+        let drawn: Vec<Option<f32>> = drawn.map(|value| value.map(|value| value as f32)).collect();
+        let count = |cells: &[usize]| u32::try_from(cells.len()).unwrap_or(u32::MAX);
+        let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing(nothing);
+        let axis = |side: &Side, name: &str| {
+            let (from, to) = side.ends();
+            let axis = Axis::new(column_label(name)).limits(from, to);
+            if side.log { axis.log() } else { axis }
+        };
+        Ok(Panel::new()
+            .x_axis(axis(&x, &self.columns[0]))
+            .y_axis(axis(&y, &self.columns[1]))
+            .raster(raster.over(x.ends(), y.ends()))
+            .height(1.35))
+    }
+
+    /// The border, as pieces of a line, between cells of a grid whose rows are in `region` and others.
+    pub fn border(&self, region: &[bool]) -> Vec<(f64, f64)> {
+        let [x, y] = self.sides();
+        let mut cells = vec![false; x.cells() * y.cells()];
+        for ([at_x, at_y, _], is_in) in self.values.iter().zip(region) {
+            if let (Some(column), Some(row)) = (x.cell(*at_x), y.cell(*at_y)) {
+                cells[row * x.cells() + column] = *is_in;
+            }
+        }
+        let mut pieces = Vec::new();
+        for (row, column) in (0..y.cells()).flat_map(|row| (0..x.cells()).map(move |column| (row, column))) {
+            let is_in = |row: usize, column: usize| cells[row * x.cells() + column];
+            let corner = |row: usize, column: usize| (x.edge(column), y.edge(row));
+            let mut piece = |to| pieces.extend([corner(row + 1, column + 1), to, (f64::NAN, f64::NAN)]);
+            if column + 1 < x.cells() && is_in(row, column) != is_in(row, column + 1) {
+                piece(corner(row, column + 1));
+            }
+            if row + 1 < y.cells() && is_in(row, column) != is_in(row + 1, column) {
+                piece(corner(row + 1, column));
+            }
+        }
+        pieces
+    }
 }
 
 fn scale(map: &HeatMap, values: impl Iterator<Item = f64>) -> ColourScale {
@@ -131,8 +173,12 @@ impl Side {
     }
 
     fn ends(&self) -> (f64, f64) {
-        let value = |place: f64| if self.log { 10_f64.powf(place) } else { place };
-        (value(self.edges[0]), value(self.edges[self.cells()]))
+        (self.edge(0), self.edge(self.cells()))
+    }
+
+    /// The value at the edge before cell `number`.
+    fn edge(&self, number: usize) -> f64 {
+        if self.log { 10_f64.powf(self.edges[number]) } else { self.edges[number] }
     }
 }
 

@@ -44,6 +44,8 @@ const STATISTICS: [(&str, &str); 8] = [
 /// assert_eq!(column_label("forward_v_peak_m_s"), "forward peak velocity (m/s)");
 /// assert_eq!(column_label("standard_error_total_j"), "standard error of total (J)");
 /// assert_eq!(column_label("disorder[0].uniform"), "disorder 0 uniform");
+/// assert_eq!(column_label("drive[0].displacement_m.sine.amplitude"), "drive 0 displacement (m)");
+/// assert_eq!(column_label("drive[0].displacement_m.sine.frequency_hz"), "drive 0 frequency (Hz)");
 /// assert_eq!(column_label("chain.alpha"), "α");
 /// assert_eq!(column_label("forces.peak_n@right"), "forces peak at right (N)");
 /// ```
@@ -57,6 +59,12 @@ pub fn column_label(column: &str) -> String {
         None => (name, String::new()),
     };
     let name = name.strip_prefix("chain.").unwrap_or(name);
+    let waveform = name.split_once(".sine.").map(|(drive, of)| match of {
+        // it has the unit of its drive
+        "amplitude" => drive.to_owned(),
+        of => format!("{}.{of}", drive.split_once('.').map_or(drive, |(drive, _)| drive)),
+    });
+    let name = waveform.as_deref().unwrap_or(name);
     if name == "alpha" {
         return format!("{prefix}α");
     }
