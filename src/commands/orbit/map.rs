@@ -69,7 +69,7 @@ pub(super) fn map(place: &Place<'_>, grid: &Grid, stop: &AtomicBool) -> Result<D
     if rows.len() < grid.points() {
         return Err(failure(MapError::Stopped.into()));
     }
-    finish(place, grid, rows.into_values().collect(), &head)
+    finish(place, grid, &rows.into_values().collect::<Vec<_>>(), &head)
 }
 
 /// The rows that the journal has, by the numbers of their points.
@@ -91,20 +91,20 @@ fn come(place: &Place<'_>, head: &JournalHead) -> Result<BTreeMap<usize, Vec<Cel
 }
 
 /// Writes the results of the map.
-fn finish(place: &Place<'_>, grid: &Grid, rows: Vec<Vec<Cell>>, head: &JournalHead) -> Result<Done, Failure> {
+fn finish(place: &Place<'_>, grid: &Grid, rows: &[Vec<Cell>], head: &JournalHead) -> Result<Done, Failure> {
     let mut table = Table::create(&place.path("map.csv"), &head.columns, true)?;
     let mut kinds = BTreeMap::new();
-    for row in &rows {
+    for row in rows {
         *kinds.entry(shown::stability(row).to_owned()).or_insert(0_u64) += 1;
-        row.iter().for_each(|cell| {
+        for cell in row {
             table.cell(cell.clone());
-        });
+        }
         table.end_row()?;
     }
     table.finish()?;
     let [across, along] = &grid.keys;
     let caption = format!("map of stability, {}", counted(rows.len() as u64, "point"));
-    place.draw("map.png", &shown::map(caption, &grid.keys, &grid.values, &rows)?)?;
+    place.draw("map.png", &shown::map(caption, &grid.keys, &grid.values, rows)?)?;
     let told = json!({ "keys": grid.keys, "points": rows.len(), "stability": kinds });
     place.write_report(&told)?;
     report(place.args.json, &told, || {
