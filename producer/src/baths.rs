@@ -132,12 +132,11 @@ impl Part {
     fn of(bath: &Bath, physics: &Physics, chain: &Chain) -> Self {
         let beads = bath.beads.range();
         let is_whole_ring = chain.is_ring && beads.len() == chain.bead_count();
-        let places: Vec<_> = match bath.pairs {
-            false => beads.map(|bead| Place::bead(bead, chain)).collect(),
-            true => {
-                let last = if is_whole_ring { beads.end } else { beads.end - 1 };
-                (beads.start..last).map(|contact| Place::pair(contact, chain)).collect()
-            }
+        let places: Vec<_> = if bath.pairs {
+            let last = if is_whole_ring { beads.end } else { beads.end - 1 };
+            (beads.start..last).map(|contact| Place::pair(contact, chain)).collect()
+        } else {
+            beads.map(|bead| Place::bead(bead, chain)).collect()
         };
         let (dt_s, count) = (physics.dt_s, places.len());
         let drawn = count.max(TOGETHER / count * count); // integers

@@ -58,7 +58,9 @@ impl Roundings {
             largest = row.iter().fold(largest, |most, change| larger(most, change.abs() / scale));
         }
         if largest > LARGEST {
-            tangent.iter_mut().for_each(|change| *change *= LARGEST / largest);
+            for change in &mut tangent {
+                *change *= LARGEST / largest;
+            }
         }
         tangents.set(0, &tangent);
         self.before_m_s.copy_from_slice(&state.v_m_s);

@@ -45,6 +45,30 @@ class Forces(Table):
         self.peaks = peaks
 
 
+class Modal(Table):
+    """Table of the numbers in each frame.
+
+    Attributes:
+        spectrum: Table of the modes: frequency, mean energy, the same over that of equipartition.
+    """
+
+    def __init__(self, out: Table, spectrum: Table) -> None:
+        super().__init__(out, out.summary)
+        self.spectrum = spectrum
+
+
+class Heat(Table):
+    """Table of the numbers in each frame.
+
+    Attributes:
+        profile: Table of the beads: temperature, current to the next bead, errors.
+    """
+
+    def __init__(self, out: Table, profile: Table) -> None:
+        super().__init__(out, out.summary)
+        self.profile = profile
+
+
 class Analyses:
     """The analyses of a recording."""
 
@@ -67,7 +91,7 @@ class Analyses:
         bead, with half of its contacts), ``right_j`` (energy right of it), ``dissipated_j`` (work that damping has
         taken), ``relative_drift`` (error of the balance of energies, over the initial energy), ``inbound_j`` (energy
         that may still cross the split bead), ``corrected_j`` (reflected energy without the recoil), ``driven_j``
-        (work that drives have done).
+        (energy that drives and baths have given).
 
         Args:
             split: The bead that divides left from right; by default the first impurity that is not the striker, else
@@ -287,6 +311,29 @@ class Analyses:
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
         return self._tables("modes", shapes=shapes, energy=energy, mode=mode, **part)[0]
 
+    def modal(
+        self,
+        *,
+        threshold_eta: float | None = None,
+        from_s: float | None = None,
+        until_s: float | None = None,
+        every_step: bool = False,
+        jobs: int | None = None,
+    ) -> Modal:
+        """Energies of all linear modes: spectral entropy, effective number of modes, time of equipartition.
+
+        Columns in each frame: ``modal_energy_j`` (energy of all modes), ``entropy`` (spectral entropy),
+        ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition).
+
+        Args:
+            threshold_eta: The η that counts as equipartition; by default 0.5.
+            from_s, until_s: The first and the last simulated time (s) that is looked at.
+            every_step: Also steps between recorded states, which are recomputed.
+            jobs: Threads that recompute them; by default one for each core.
+        """
+        part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+        return Modal(*self._tables("modal", "spectrum", threshold_eta=threshold_eta, **part))
+
     def lyapunov(
         self,
         *,
@@ -310,3 +357,24 @@ class Analyses:
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
         return self._tables("lyapunov", exponents=exponents, interval_steps=interval_steps, **part)[0]
+
+    def heat(
+        self,
+        *,
+        from_s: float | None = None,
+        until_s: float | None = None,
+        every_step: bool = False,
+        jobs: int | None = None,
+    ) -> Heat:
+        """Heat: current along the chain, temperature of each bead, conductivity between baths, with errors.
+
+        Columns in each frame: ``mean_current_w`` (current, averaged over the contacts that do not lie within a bath),
+        ``kinetic_temperature_j`` (m·v², averaged over the beads).
+
+        Args:
+            from_s, until_s: The first and the last simulated time (s) that is looked at.
+            every_step: Also steps between recorded states, which are recomputed.
+            jobs: Threads that recompute them; by default one for each core.
+        """
+        part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+        return Heat(*self._tables("heat", "profile", **part))

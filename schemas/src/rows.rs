@@ -2,6 +2,7 @@
 
 /// The rows of a run's `extra`, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a row, which is there or not")]
 pub struct Rows {
     /// Terms of the motion that the method carries: `gear5` has four.
     pub of_method: usize,

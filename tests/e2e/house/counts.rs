@@ -7,23 +7,23 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("the command", 14_150),
-    ("schemas", 8_500),
+    ("schemas", 8_850),
     ("schemas/bus", 4_400),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 7_400),
-    ("consumers", 5_970),
-    ("consumers/analyses", 3_100),
-    ("consumers/experiments", 1_260),
+    ("producer", 7_700),
+    ("consumers", 6_050),
+    ("consumers/analyses", 3_550),
+    ("consumers/experiments", 1_420),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
     ("consumers/orbits", 2_040),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_330),
     ("consumers/screen", 700),
-    ("consumers/waves", 1_250),
+    ("consumers/waves", 1_400),
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_230),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 73_650;
+const MOST_LINES: usize = 75_250;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -57,7 +57,7 @@ pub(super) fn of_modes(config: &RunConfig, asked: &ModeEnergies) -> Result<State
             let why = format!("found the modes {first} to {last}; allowed: 1 to {count}, in order");
             return Err(refused(key, why));
         }
-        if !(energy_j >= 0.0 && energy_j <= 1e100) {
+        if !(0.0..=1e100).contains(&energy_j) {
             return Err(refused(key, format!("found an energy of {energy_j} J; allowed: 0 to 1e100 J")));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 4096")]
@@ -100,7 +100,9 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
             chain.mass_kg.iter().zip(&v_m_s).map(|(m, v)| of(*m, *v)).sum::<f64>()
         };
         let drift_m_s = sum(&|m, v| m * v) / sum(&|m, _| m);
-        v_m_s.iter_mut().for_each(|v| *v -= drift_m_s);
+        for v in &mut v_m_s {
+            *v -= drift_m_s;
+        }
     }
     let scaled = |factor: f64| -> State {
         let of = |values: &[f64]| values.iter().map(|x| factor * x).collect();
@@ -112,7 +114,8 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
         let (u_m, v_m_s) = scaled(factor);
         chain.energy(&u_m, &v_m_s, &physics.initial_extra(&u_m), &mut contacts_j).total_j()
     };
-    if !(energy_j(1.0) > 0.0) {
+    let has_energy = energy_j(1.0) > 0.0;
+    if !has_energy {
         let why = "found a state without energy; allowed: one to be scaled, such as `thermal`, `modes` or a striker";
         return Err(refused(key, why.to_owned()));
     }
@@ -128,7 +131,8 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
         }
         (low, high) = if energy_j(middle) < wanted_j { (middle, high) } else { (low, middle) };
     }
-    if !((energy_j(high) / wanted_j - 1.0).abs() < 1e-9) {
+    let has_come = (energy_j(high) / wanted_j - 1.0).abs() < 1e-9;
+    if !has_come {
         return Err(refused(
             key,
             format!("found {energy_per_bead_j}; allowed: an energy that this state comes to by growing"),
