@@ -247,7 +247,9 @@ export class AnyStepper extends Stepper {
         }
         this.endPiece(state, piece.end(), before);
       }
-      this.baths.toReversed().forEach((bath) => bath.act(state.v, heat, n, 1));
+      for (let i = this.baths.length - 1; i >= 0; i -= 1) {
+        this.baths[i].act(state.v, heat, n, 1);
+      }
     }
   }
 

@@ -25,7 +25,7 @@ use At::{Bare, Wait, Work};
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
 /// steps, `loaded.mcap` a chain whose modes take long, `slow.toml` an orbit of many steps, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 47] = [
+const LONG: [(&str, At, &[&str]); 49] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -48,6 +48,8 @@ const LONG: [(&str, At, &[&str]); 47] = [
     ("contacts long.mcap --every-step --out map.mcap", Work, &[]),
     ("pulses long.mcap --every-step", Work, &[]),
     ("spreading long.mcap --every-step", Work, &[]),
+    ("heat long.mcap --every-step", Work, &[]),
+    ("modal loaded.mcap --every-step", Work, &[]),
     ("lyapunov long.mcap --exponents 4", Work, &[]),
     ("orbit slow.toml --out slow", Work, &["slow"]),
     ("deformation long.mcap --contact 3 --every-step", Work, &[]),

@@ -146,7 +146,7 @@ fn what_cannot_be_drawn_is_refused_with_what_can() {
         place.run(&format!("plot small.mcap {words}")).exits(2).says(said);
     };
     refuse("", &["--what"]);
-    refuse("--what heat", &["heat", "velocity", "pulses"]);
+    refuse("--what warmth", &["warmth", "velocity", "pulses"]);
     refuse("--what energies --at 0.005", &["--at is not for --what energies", "--from and --until"]);
     refuse("--what pulses --beads 1..5", &["--beads", "beadline pulses --figure"]);
     refuse("--what velocity --at 0.02", &["--at 0.02", "the run ends at 0.012 s"]);
