@@ -156,3 +156,20 @@ def test_files_that_a_configuration_names_are_beside_it(tmp_path: Path, monkeypa
     # an impulse of 1 N · 1e-4 s: all of it in the beads; linear pieces, so all but the corners is exact
     state = shorter.simulate()[-1]
     assert state.velocity_m_s.sum() * 1e-3 == pytest.approx(1e-4, rel=1e-3)
+
+
+def test_baths_give_the_heat_that_a_chain_has() -> None:
+    chain = bl.Chain(beads=8, mass_kg=1.0, bonds={"linear": 1.0}, left="fixed", right="fixed")
+    baths = [
+        {"beads": 0, "temperature_j": 1.5, "friction_per_s": 0.5},
+        {"beads": -1, "temperature_j": 0.5, "friction_per_s": 0.5},
+    ]
+    run = bl.Run(chain, baths=baths, seed=3, duration_s=50.0, dt_s=0.05)
+    rec = run.simulate()
+    state = rec[-1]
+    assert state.heat_j.shape == (8,) and not state.heat_j[1:-1].any()
+    assert state.total_j == pytest.approx(state.heat_j.sum(), rel=1e-6)
+    assert np.array_equal(rec[500].heat_j, run.simulate()[500].heat_j)
+    assert bl.Run(chain, strikers={0: 1.0}, duration_s=1.0).simulate()[-1].heat_j.size == 0
+    with pytest.raises(bl.ConfigError, match=r"bath\[0\].beads"):
+        bl.Run(chain, baths=[{**baths[0], "beads": 8}], duration_s=1.0)

@@ -84,7 +84,7 @@ impl Beads {
         Self { from: from_0(self.from), to: Some(self.to.map_or(count, from_0)) }
     }
 
-    /// These beads of a chain; none unless they are [`counted`](Self::counted).
+    /// These beads of a chain; none unless they are counted from bead 0, as those of a resolved run are.
     pub fn range(self) -> Range<usize> {
         let place = |place: i64| usize::try_from(place).unwrap_or(0);
         place(self.from)..place(self.to.unwrap_or(0))
