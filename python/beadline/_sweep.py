@@ -71,7 +71,7 @@ def sweep(
             fastest. Or ranges as of a sweep file: ``{"from": 1, "to": 2, "count": 5, "spacing": "log"}``.
         cases: Keys that are set together; every case is combined with the whole grid.
         until: ``"end"``; ``"stationary"`` ends a run when its reflected energy no longer changes.
-        check: Adds columns with the time until which each run is determined; takes about ten times as long.
+        check: Adds columns with the time until which each run is determined; takes ten to twenty times as long.
         split: The bead that divides reflected from transmitted energy; by default the first impurity
             that is not the striker, else the middle bead.
         measure: Numbers of any analysis as further columns: ``["forces.peak_n@right", "modes.last_j@1"]``. ``beadline analyses``

@@ -22,7 +22,7 @@ use std::path::PathBuf;
     100 contacts may). For displacements and velocities, where 9/8 of the difference to a quarter of the step counts (4/3 with \
     damping), this time is a prediction: of 200 random runs it was too late in none, and too early by a factor of 2 or more in 4. \
     The step (a shorter one helps) or chaos (nothing helps) ends it.\n\
-    `check` takes about ten times as long as the run. Exit code 3: something is not determined to the end."
+    `check` takes ten to twenty times as long as the run. Exit code 3: something is not determined to the end."
 )]
 pub(crate) struct CheckArgs {
     /// A recording, or a configuration file
