@@ -357,19 +357,16 @@ function checkWaveform(waveform, key, dt, duration) {
 
 /** Refuses baths at wrong beads, and of wrong temperatures. @param {any} physics */
 function checkBaths({ beads, baths = [], drives = [], seed: ofRun = 0, dt_s: dt, step_count: steps }) {
-  const taken = new Set(drives.flatMap((/** @type {any} */ { bead, force_n: force }) => (force === undefined ? [bead] : [])));
+  const moved = drives.flatMap((/** @type {any} */ { bead, force_n: force }) => (force === undefined ? [bead] : []));
+  /** @type {number[][]} */
+  const rows = [];
   baths.forEach((/** @type {any} */ bath, /** @type {number} */ i) => {
     const key = `baths[${i}]`;
     const [from, to] = bath.beads.split("..").map(Number);
     if (!(from < to && to <= beads && (!bath.pairs || to - from > 1))) {
       refuse(`${key}.beads`, bath.beads, "beads of this chain, two or more for pairs");
     }
-    for (let bead = from; bead < to; bead += 1) {
-      if (taken.has(bead)) {
-        refuse(`${key}.beads`, bead, "each bead in one bath, and not moved by a drive");
-      }
-      taken.add(bead);
-    }
+    rows.push([from, to]);
     const { temperature_j: joule, temperature_k: kelvin } = bath;
     const temperature = joule ?? kelvin;
     if ((joule === undefined) === (kelvin === undefined)) {
@@ -387,6 +384,22 @@ function checkBaths({ beads, baths = [], drives = [], seed: ofRun = 0, dt_s: dt,
     }
     seed(bath.seed ?? ofRun, `${key}.seed`);
   });
+  rows.sort(([one], [two]) => one - two);
+  rows.forEach(([from], i) => {
+    if (i > 0 && rows[i - 1][1] > from) {
+      refuse("baths", `bead ${from} in two of them`, "each bead in one bath");
+    }
+  });
+  moved.sort((/** @type {number} */ one, /** @type {number} */ two) => one - two);
+  let next = 0;
+  for (const bead of moved) {
+    while (next < rows.length && rows[next][1] <= bead) {
+      next += 1;
+    }
+    if (next < rows.length && rows[next][0] <= bead) {
+      refuse("baths", `bead ${bead}, which a drive moves`, "beads that no drive moves");
+    }
+  }
 }
 
 /** Refuses a chain that nothing sets in motion. @param {any} physics */

@@ -49,11 +49,10 @@ impl Physics {
         }
         for (d, drive) in self.drives.iter().enumerate() {
             let Place::Bead(bead) = drive.at else { continue };
-            let of = |(beads, i): &(std::ops::Range<usize>, usize)| {
-                beads.contains(&super::usize_of(bead)).then_some(*i)
-            };
-            let place = if drive.prescribes == Quantity::Force { None } else { rows.iter().find_map(of) };
-            if let Some(i) = place {
+            // rows are in order, and none meets another
+            let behind = rows.partition_point(|(beads, _)| beads.start as u64 <= bead);
+            let row = rows[..behind].last().filter(|(beads, _)| bead < beads.end as u64);
+            if let (Some((_, i)), true) = (row, drive.prescribes != Quantity::Force) {
                 let found = format!("bead {bead}, which drive[{d}] moves");
                 let allowed = "beads whose motion is not prescribed";
                 return Err(ConfigError::value(&format!("bath[{i}].beads"), found, allowed));
