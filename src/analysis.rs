@@ -15,11 +15,11 @@ use crate::signals;
 use anyhow::Error;
 use bus::{Bus, ResultElement, ResultPublisher, ResultsError, StreamId};
 use consumers::analysis::Offer;
-use consumers::bead_range::BeadRange;
 use consumers::follow::{FollowError, FrameObserver, Tally, follow_within};
 use consumers::table::TableError;
 use figure::{Figure, FigureError};
 use recording::WriteError;
+use schemas::beads::Beads;
 use schemas::frame::{EndReason, FrameSource, Window};
 use schemas::manifest::{Provenance, RunManifest};
 use schemas::results::{ResultColumns, Topic};
@@ -329,7 +329,7 @@ pub(crate) fn draw(
 }
 
 /// The beads that are asked for.
-pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<BeadRange>) -> Result<Range<usize>, Failure> {
+pub(crate) fn check_beads(manifest: &RunManifest, asked: Option<Beads>) -> Result<Range<usize>, Failure> {
     let beads = asked.unwrap_or_default().of(manifest.physics.beads);
     beads.map_err(|why| bad_input!("--beads {why}"))
 }

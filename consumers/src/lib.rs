@@ -5,7 +5,6 @@
 //! module: [`deformation`], [`energies`], [`impurity`], [`contacts`], [`pulses`]; the crate `analyses` offers them. What theory expects is in [`theory`].
 
 pub mod analysis;
-pub mod bead_range;
 pub mod blocks;
 pub mod contacts;
 pub mod deformation;

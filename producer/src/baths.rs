@@ -6,7 +6,6 @@ use schemas::bath::Bath;
 use schemas::chain::Chain;
 use schemas::functions::{Moment, exp, exp_m1};
 use schemas::manifest::Physics;
-use schemas::random::normals;
 use schemas::simd::vectorized;
 use std::ops::Range;
 
@@ -115,16 +114,18 @@ impl Baths {
         }
     }
 
-    /// Carries tangents through what [`before`](Self::before) does: neighbouring runs have the same noise.
-    pub(crate) fn slow_before(&self, tangents: &mut Tangents) {
-        let places = self.parts.iter().flat_map(|part| part.places.iter().map(move |place| (part, place)));
-        places.for_each(|(part, place)| part.slow(place, tangents));
-    }
-
-    /// Carries tangents through what [`after`](Self::after) does.
-    pub(crate) fn slow_after(&self, tangents: &mut Tangents) {
-        let places = self.parts.iter().flat_map(|part| part.places.iter().map(move |place| (part, place)));
-        places.rev().for_each(|(part, place)| part.slow(place, tangents));
+    /// Carries tangents through what [`before`](Self::before) does, or, `backwards`, [`after`](Self::after): neighbouring runs have the same noise.
+    pub(crate) fn slow(&self, tangents: &mut Tangents, backwards: bool) {
+        for part in &self.parts {
+            let slow = |place: &Place| {
+                tangents.slow(place.beads, part.bath.pairs.then_some(place.shares), part.decay);
+            };
+            if backwards {
+                part.places.iter().rev().for_each(slow);
+            } else {
+                part.places.iter().for_each(slow);
+            }
+        }
     }
 }
 
@@ -160,24 +161,20 @@ impl Part {
         }
     }
 
-    fn slow(&self, place: &Place, tangents: &mut Tangents) {
-        tangents.slow(place.beads, self.bath.pairs.then_some(place.shares), self.decay);
-    }
-
     /// Draws the noise of step `step`, and of some after it: registers are filled by many numbers.
     fn draw(&mut self, step: u64) {
         if self.drawn.as_ref().is_some_and(|steps| steps.contains(&step)) {
             return;
         }
         let Self { noise: [before, after], numbers: [late, places], bath, seed, .. } = self;
-        let (kind, seed, count) = (bath.kind(), *seed, late.len());
+        let (seed, count) = (*seed, late.len());
         let (before, after, places) = (&mut before[..count], &mut after[..count], &places[..count]);
         vectorized(
             Arch::new(),
             #[inline(always)]
             || {
                 for i in 0..count {
-                    [before[i], after[i]] = normals(seed, step + u64::from(late[i]), [places[i], kind]);
+                    [before[i], after[i]] = bath.noise(seed, step + u64::from(late[i]), places[i]);
                 }
             },
         );

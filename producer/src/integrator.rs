@@ -116,10 +116,10 @@ impl Integrator {
         let Some(baths) = &mut self.baths else { return self.by_method.advance(state, last) };
         let (step, (baths, rows)) = (state.step, &mut **baths);
         baths.before([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
-        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow_before(tangents));
+        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow(tangents, false));
         self.by_method.advance(state, step + 1);
         baths.after([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
-        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow_after(tangents));
+        self.by_method.tangents().into_iter().for_each(|tangents| baths.slow(tangents, true));
     }
 
     /// The beads that may differ from rest in `state`, if this integrator has just stepped to it.

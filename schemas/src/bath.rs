@@ -9,12 +9,12 @@
 //! of the method between the two halves.
 
 use crate::amounts::{typed, typed_quantity};
+use crate::beads::Beads;
 use crate::config_error::ConfigError;
 use crate::drive::Waveform;
 use crate::functions::Moment;
 use crate::random::normals;
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::ops::Range;
 
 /// Boltzmann's constant (J/K), exact in the SI of 2019.
@@ -22,74 +22,6 @@ pub(crate) const BOLTZMANN_J_K: f64 = 1.380_649e-23;
 
 /// The largest product of friction and time step: half a step slows a bead down by a fifth.
 pub(crate) const MOST_FRICTION: f64 = 0.5;
-
-/// Beads in a row, as a configuration writes them: `3`, `"0..4"`, `"..4"`, `"-4.."`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(try_from = "Written", into = "Written")]
-pub struct Beads {
-    /// The first bead; counted from behind the last one if it is negative.
-    pub from: i64,
-    /// The bead behind the last of them, counted in the same way; none for the end of the chain.
-    pub to: Option<i64>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(untagged, expecting = "a bead, or beads such as \"0..4\", \"..4\" or \"-4..\"")]
-enum Written {
-    One(i64),
-    Row(String),
-}
-
-impl TryFrom<Written> for Beads {
-    type Error = String;
-
-    fn try_from(written: Written) -> Result<Self, String> {
-        let row = match written {
-            Written::One(bead) => {
-                return Ok(Self { from: bead, to: (bead != -1).then(|| bead.saturating_add(1)) });
-            }
-            Written::Row(row) => row,
-        };
-        let wrong = || {
-            format!(
-                "found \"{row}\"; allowed: a bead, or beads such as \"0..4\" (0 to 3), \"..4\" or \"-4..\" (the last four)"
-            )
-        };
-        let (from, to) = row.split_once("..").ok_or_else(wrong)?;
-        let number = |text: &str| text.trim().parse::<i64>().map_err(|_| wrong());
-        let from = if from.trim().is_empty() { 0 } else { number(from)? };
-        let to = if to.trim().is_empty() { None } else { Some(number(to)?) };
-        Ok(Self { from, to })
-    }
-}
-
-impl From<Beads> for Written {
-    fn from(beads: Beads) -> Self {
-        Self::Row(beads.to_string())
-    }
-}
-
-impl fmt::Display for Beads {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}..", self.from)?;
-        self.to.map_or(Ok(()), |to| write!(f, "{to}"))
-    }
-}
-
-impl Beads {
-    /// The same beads, counted from bead 0 of a chain of `beads`.
-    pub(crate) fn counted(self, beads: u64) -> Self {
-        let count = beads.cast_signed();
-        let from_0 = |place: i64| if place < 0 { place.saturating_add(count) } else { place };
-        Self { from: from_0(self.from), to: Some(self.to.map_or(count, from_0)) }
-    }
-
-    /// These beads of a chain; none unless they are counted from bead 0, as those of a resolved run are.
-    pub fn range(self) -> Range<usize> {
-        let place = |place: i64| usize::try_from(place).unwrap_or(0);
-        place(self.from)..place(self.to.unwrap_or(0))
-    }
-}
 
 /// A heat bath: `[[bath]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -143,13 +75,9 @@ impl Bath {
     }
 
     /// The two normal numbers of a step at a bead, or at the contact on its right: for the half before the step and for the half after it.
+    #[inline(always)]
     pub fn noise(&self, seed: u64, step: u64, place: u32) -> [f64; 2] {
-        normals(seed, step, [place, self.kind()])
-    }
-
-    /// The last word of the counter of its noise.
-    pub fn kind(&self) -> u32 {
-        if self.pairs { 2 } else { 1 }
+        normals(seed, step, [place, if self.pairs { 2 } else { 1 }])
     }
 
     /// Refuses a bath that no run of `duration_s` can have; `key` is its place in the configuration: `bath[0]`.
@@ -186,31 +114,5 @@ impl Bath {
             None => String::new(),
         };
         format!("{kind} at {beads}: {temperature}, {} 1/s", typed(self.friction_per_s))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn beads_are_counted_from_either_end() {
-        let read = |text: &str| toml::from_str::<Bath>(&format!("beads = {text}\nfriction_per_s = 1\n"));
-        for (text, expected) in [
-            ("3", 3..4),
-            ("-1", 9..10),
-            ("\"0..4\"", 0..4),
-            ("\"..4\"", 0..4),
-            ("\"-4..\"", 6..10),
-            ("\"-4..-1\"", 6..9),
-            ("\"..\"", 0..10),
-        ] {
-            let beads = read(text).expect(text).beads.counted(10);
-            assert_eq!(beads.range(), expected, "{text}");
-            assert_eq!(read(&format!("\"{beads}\"")).expect("written beads").beads, beads);
-        }
-        for text in ["\"4\"", "\"a..4\"", "\"0..4..5\"", "1.5"] {
-            assert!(read(text).expect_err(text).to_string().contains("\"-4..\""), "{text}");
-        }
     }
 }

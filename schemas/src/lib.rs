@@ -6,6 +6,7 @@
 
 pub mod amounts;
 pub mod bath;
+pub mod beads;
 pub mod chain;
 pub mod config;
 mod config_error;

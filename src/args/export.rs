@@ -3,8 +3,8 @@
 use super::values::{parse_jobs, parse_positive, parse_time};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use consumers::bead_range::BeadRange;
 use exports::Format;
+use schemas::beads::Beads;
 use source::Named;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -37,9 +37,9 @@ pub(crate) struct ExportArgs {
     /// End at this simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_time)]
     pub(crate) until: Option<f64>,
-    /// Only these beads: 100..200 is without bead 200, 100..=199 with bead 199
-    #[arg(long, value_name = "A..B")]
-    pub(crate) beads: Option<BeadRange>,
+    /// Only these beads: 100..200 is without bead 200, 100..=199 with bead 199, -4.. the last four
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
+    pub(crate) beads: Option<Beads>,
     /// Only the steps that are a multiple of K; those that were not recorded are recomputed
     #[arg(long, value_name = "K", value_parser = parse_positive)]
     pub(crate) every_steps: Option<NonZero<u64>>,

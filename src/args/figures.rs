@@ -4,9 +4,9 @@ use super::analyses::FramesArgs;
 use super::values::{ColourRange, parse_dpi, parse_range, parse_time, parse_whole};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
-use consumers::bead_range::BeadRange;
 use consumers::fields::Field;
 use figure::{Options, Size};
+use schemas::beads::Beads;
 use std::path::PathBuf;
 
 const TABLES: &str = "For tables";
@@ -149,9 +149,9 @@ pub(crate) struct PlotArgs {
     /// Along the chain, in this frame
     #[arg(long, value_name = "N", value_parser = parse_whole, conflicts_with_all = ["from", "until", "every_step"])]
     pub(crate) frame: Option<u64>,
-    /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199
-    #[arg(long, value_name = "A..B")]
-    pub(crate) beads: Option<BeadRange>,
+    /// Only these beads and the contacts between them: 100..200 is without bead 200, 100..=199 with bead 199, -4.. the last four
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
+    pub(crate) beads: Option<Beads>,
     /// Scale of the colours of a map [default: linear for displacements, log for the others]
     #[arg(long, value_enum)]
     pub(crate) colours: Option<ColoursArg>,

@@ -128,6 +128,20 @@ impl Heat {
         [current, temperature, conductivity]
     }
 
+    /// The numbers of the summary.
+    fn numbers(&self) -> [(&'static str, f64); 7] {
+        let [current, temperature, conductivity] = self.found();
+        [
+            ("current_w", current.mean),
+            ("current_error_w", current.error),
+            ("memory_s", self.memory_s()),
+            ("temperature_j", temperature.mean),
+            ("temperature_error_j", temperature.error),
+            ("conductivity_per_s", conductivity.mean),
+            ("conductivity_error_per_s", conductivity.error),
+        ]
+    }
+
     /// The memory of the current (s).
     fn memory_s(&self) -> f64 {
         let [first_s, last_s] = self.times_s.unwrap_or_default();
@@ -156,8 +170,8 @@ impl Analysis for Heat {
         let currents = (0..beads - 1).map(|c| self.current_w(c, frame));
         let all: Vec<f64> = temperatures.chain(currents).collect();
         let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
-        let flowing: Vec<f64> = self.inner.iter().map(|c| all[beads + c]).collect();
-        let row = [sum(&flowing) / flowing.len() as f64, sum(&all[..beads]) / beads as f64];
+        let flowing_w = self.inner.iter().fold(0.0, |sum, c| sum + all[beads + c]);
+        let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / beads as f64];
         self.places.push(all);
         self.rows.push(row);
         self.times_s = Some([self.times_s.map_or(frame.time_s, |[first_s, _]| first_s), frame.time_s]);
@@ -198,11 +212,7 @@ impl Analysis for Heat {
             let [kappa, error] = [conductivity.mean, conductivity.error].map(number);
             words.add("conductivity", format_args!("{kappa} ± {error} 1/s"));
         }
-        report.results = json!({
-            "current_w": current.mean, "current_error_w": current.error, "memory_s": memory_s,
-            "temperature_j": temperature.mean, "temperature_error_j": temperature.error,
-            "conductivity_per_s": conductivity.mean, "conductivity_error_per_s": conductivity.error,
-        });
+        report.results = self.numbers().map(|(name, number)| (name, json!(number))).into_iter().collect();
         if current.error.is_nan() {
             report
                 .notices
@@ -237,17 +247,8 @@ impl Analysis for Heat {
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        let [current, temperature, conductivity] = self.found();
-        Some(Number::Double(match name {
-            "current_w" => current.mean,
-            "current_error_w" => current.error,
-            "memory_s" => self.memory_s(),
-            "temperature_j" => temperature.mean,
-            "temperature_error_j" => temperature.error,
-            "conductivity_per_s" => conductivity.mean,
-            "conductivity_error_per_s" => conductivity.error,
-            _ => return None,
-        }))
+        let found = self.numbers().into_iter().find(|(number, _)| *number == name);
+        found.map(|(_, number)| Number::Double(number))
     }
 }
 

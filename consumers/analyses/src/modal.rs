@@ -15,7 +15,6 @@ use schemas::manifest::RunManifest;
 use serde_json::json;
 use waves::linear::LinearChain;
 use waves::modal::Modal;
-use waves::modes::Modes;
 
 /// The analysis, before it looks at a run.
 pub static OFFER: Offer = Offer {
@@ -27,8 +26,8 @@ pub static OFFER: Offer = Offer {
         beadline modal live:fput --threshold 0.2             while the run goes on\n\n\
         Modes are those of `beadline modes`: of small motions about the equilibrium, with the linear part of bonds. With the part p of all their \
         energy that is in each of M modes (those of frequency 0 left out), the entropy is S = -Σ p·ln p, e^S the effective number of modes, and \
-        η = (ln M - S)/(ln M - S0) the distance from equipartition, with S0 of the first frame that is looked at: 1 at first. In equilibrium the \
-        energies fluctuate, and η comes to about 0.42/(ln M - S0) (R. Livi and others, Phys. Rev. A 31 (1985) 1039, doi:10.1103/PhysRevA.31.1039). \
+        η = (ln M - S)/(ln M - S0) the distance from equipartition (R. Livi and others, Phys. Rev. A 31 (1985) 1039, doi:10.1103/PhysRevA.31.1039), \
+        with S0 of the first frame that is looked at: 1 at first. In equilibrium the energies fluctuate, and η comes to about 0.42/(ln M - S0). \
         --threshold tells when η was first below it. --spectrum has the mean energy of each mode. A frame costs one Fourier transform where all \
         beads and springs are alike, else the square of their number.",
     settings: &[Setting::new(
@@ -92,17 +91,23 @@ impl ModalAnalysis {
         let chain = manifest.physics.chain();
         let linear = LinearChain::of(&chain).map_err(|error| error.to_string())?;
         let modal = if beginning.is_trial {
-            Modes::count_of(&linear).map(|_| None)
+            Modal::check(&linear).map(|()| None)
         } else {
             Modal::of(&linear).map(Some)
         };
         let modal = modal.map_err(|error| error.to_string())?;
+        if modal.as_ref().is_some_and(|modal| (0..modal.count()).all(|mode| modal.frequency_hz(mode) == 0.0))
+        {
+            return Err("no mode of this chain has a frequency: its bonds have no linear part"
+                .to_owned()
+                .into());
+        }
         let still =
             |modal: &Modal| (0..modal.count()).take_while(|mode| modal.frequency_hz(*mode) == 0.0).count();
         Ok(Self {
             free: modal.as_ref().map_or(0, still),
             sums_j: vec![0.0; modal.as_ref().map_or(0, Modal::count)],
-            threshold: beginning.settings.all("threshold").first().copied().unwrap_or(0.5),
+            threshold: beginning.settings.one("threshold").unwrap_or(0.5),
             energies_j: Vec::new(),
             frames: 0.0,
             first_entropy: f64::NAN,

@@ -7,11 +7,11 @@ use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
     Takes, Whereabouts,
 };
-use consumers::bead_range::BeadRange;
 use consumers::table::Column;
 use figure::{Figure, FigureError};
 use found::{Found, Kind};
 use schemas::amounts::{counted, quantity};
+use schemas::beads::Beads;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -70,7 +70,7 @@ pub static OFFER: Offer = Offer {
         .excluding(&["at"]),
         Setting::new(
             "beads",
-            Takes::Text("A..B", |text| text.parse::<BeadRange>().map(drop)),
+            Takes::Text("A..B", |text| text.parse::<Beads>().map(drop)),
             "Only these beads in the map",
         )
         .belonging_to("map"),
@@ -159,7 +159,7 @@ impl Asked {
         }
         let pairs = pairs(beginning, "transmission", chain)?;
         let pairs = pairs.into_iter().map(|[from, to]| (index(from), index(to))).collect();
-        let range: BeadRange = settings.one("beads").unwrap_or_default();
+        let range: Beads = settings.one("beads").unwrap_or_default();
         let beads = range.of(beginning.manifest.physics.beads).map_err(|why| format!("--beads {why}"))?;
         let quantity = if settings.says("of", "force") {
             Quantity::Force

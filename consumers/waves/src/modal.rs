@@ -73,6 +73,14 @@ impl Modal {
         Ok(Self { omega_rad_s: (0..beads).map(omega).collect(), parts })
     }
 
+    /// Refuses a chain that [`of`](Self::of) refuses for its size, without looking for its modes.
+    ///
+    /// # Errors
+    /// When there are too many beads for a matrix.
+    pub fn check(chain: &LinearChain) -> Result<(), ModesError> {
+        if Kind::of(chain).is_some() { Ok(()) } else { Modes::count_of(chain).map(drop) }
+    }
+
     /// Frequency of mode `mode` (Hz), counted from 0.
     pub fn frequency_hz(&self, mode: usize) -> f64 {
         self.omega_rad_s[mode] / TAU
@@ -115,6 +123,9 @@ impl Kind {
             return None;
         }
         let stiffness = chain.contact_n_per_m[0];
+        if stiffness == 0.0 {
+            return None;
+        }
         match (chain.wall_n_per_m, chain.ring_n_per_m) {
             (_, ring) if ring == stiffness => Some(Self::Ring),
             (walls, 0.0) if walls == [stiffness; 2] => Some(Self::Fixed),

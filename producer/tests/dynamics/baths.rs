@@ -5,7 +5,8 @@ use crate::random_chains::{Kind, Random, chain};
 use crate::table::Table;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
-use schemas::bath::{Bath, Beads};
+use schemas::bath::Bath;
+use schemas::beads::Beads;
 use schemas::config::RunConfig;
 use schemas::drive::Waveform;
 use schemas::manifest::Physics;
@@ -78,8 +79,8 @@ fn matrix_of_step(physics: &Physics) -> Matrix {
     Matrix::of(|i, j| columns[j][i])
 }
 
-/// The covariances of the stationary state of steps with baths at both ends: no sampling, so no error but that of the steps.
-fn stationary(method: &str, dt_s: f64, friction: f64) -> Matrix {
+/// The covariances of the stationary state of steps with baths of these temperatures at both ends: no sampling, so no error but that of the steps.
+fn stationary(method: &str, dt_s: f64, friction: f64, [hot, cold]: [f64; 2]) -> Matrix {
     let alone = matrix_of_step(&harmonic(method, dt_s, 0, ""));
     let decay = (-0.5 * friction * dt_s).exp();
     let at_bath = |i: usize| i == 8 || i == 15;
@@ -94,7 +95,7 @@ fn stationary(method: &str, dt_s: f64, friction: f64) -> Matrix {
     });
     let noise = Matrix::of(|i, j| {
         let variance = 1.0 - decay * decay;
-        if i != j || !at_bath(i) { 0.0 } else { variance * if i == 8 { 1.5 } else { 0.5 } }
+        if i != j || !at_bath(i) { 0.0 } else { variance * if i == 8 { hot } else { cold } }
     });
     let late = slowed.times(&alone);
     let mut map = late.times(&slowed);
@@ -116,7 +117,7 @@ fn stationary(method: &str, dt_s: f64, friction: f64) -> Matrix {
 fn averages_between_two_baths_are_of_second_order() {
     for (case, friction) in [("C1-rll8", 0.5), ("C1-rll8-g2", 2.0)] {
         let error = |method: &str, dt_s: f64| {
-            let found = stationary(method, dt_s, friction);
+            let found = stationary(method, dt_s, friction, [1.5, 0.5]);
             let at = |i: usize, j: usize| (found.0[i][j] - exact(case, "displacements", i, j)).abs();
             let displacements = (0..8).flat_map(|i| (i..8).map(move |j| (i, j))).map(|(i, j)| at(i, j));
             let temperatures =
@@ -130,6 +131,27 @@ fn averages_between_two_baths_are_of_second_order() {
             assert!((3.7..4.4).contains(&(coarse / half)) && (3.9..4.1).contains(&(half / quarter)));
         }
         assert!(rkn4[1] < verlet[1] && verlet[1] < 0.02, "{case}");
+    }
+}
+
+/// In an equilibrium they have the order of the method or a higher one: 2 and 4. Displacements have the covariances T·K^{-1}, velocities T.
+#[test]
+fn averages_of_an_equilibrium_have_the_order_of_the_method() {
+    let error = |method: &str, dt_s: f64| {
+        let found = stationary(method, dt_s, 0.5, [1.0; 2]);
+        let exact = |i: usize, j: usize| match (i.min(j), i.max(j)) {
+            (low, high) if high < 8 => ((low + 1) * (8 - high)) as f64 / 9.0,
+            (low, high) => f64::from(u8::from(low == high)),
+        };
+        let off = (0..256).map(|at| (at / 16, at % 16)).map(|(i, j)| (found.0[i][j] - exact(i, j)).abs());
+        off.fold(0.0, f64::max)
+    };
+    for (method, order) in [("velocity-verlet", 2), ("rkn4", 4)] {
+        let [coarse, half] = [0.24, 0.12].map(|dt_s| error(method, dt_s));
+        println!("{method}: {coarse:e}, {half:e}");
+        // the errors of rkn4 are near those of the sums
+        assert!(coarse / half > 0.9 * 2.0_f64.powi(order) && coarse < 0.02, "{method}: {coarse:e}, {half:e}");
+        assert!(order == 2 || coarse < 1e-7, "{method}: {coarse:e}");
     }
 }
 
@@ -253,7 +275,7 @@ fn off_balance(physics: &Physics) -> f64 {
     worst
 }
 
-/// What a chain has is what it had at first, and what drives and baths have given; a bath of pairs changes no momentum.
+/// Chains of every kind have the energy that they had at first, and what drives and baths have given.
 #[test]
 fn energies_balance_in_chains_of_every_kind() {
     let mut random = Random(34);

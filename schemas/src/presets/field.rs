@@ -1,6 +1,7 @@
 //! Changes of the presets beyond one struck bead: drives, laws, initial states, disorder, ends.
 
-use crate::bath::{Bath, Beads};
+use crate::bath::Bath;
+use crate::beads::Beads;
 use crate::config::{
     DampingConfig, Disorder, Disordered, End, MassRule, ModeShape, Profile, Resonators, RunConfig, Sphere,
     Spheres, StrikerConfig, Thermal,

@@ -53,7 +53,7 @@ fn true_until_s(manifest: &RunManifest, tolerance: f64) -> Option<f64> {
     None
 }
 
-/// Of 200 runs; more of them: `BEADLINE_RUNS=1000 cargo test -p beadline-experiments --test random_runs prediction -- --nocapture`.
+/// Tries 200 runs; more of them: `BEADLINE_RUNS=1000 cargo test -p beadline-experiments --test random_runs prediction -- --nocapture`.
 #[test]
 fn the_end_of_what_is_determined_is_never_told_too_late_and_seldom_much_too_early() {
     let asked = std::env::var("BEADLINE_RUNS").ok().and_then(|count| count.parse().ok());

@@ -23,8 +23,7 @@ impl Physics {
                 return Err(ConfigError::value(&key, bath.seed.unwrap_or(self.seed), allowed));
             }
             let beads = bath.beads.range();
-            let is_counted = bath.beads.from >= 0 && bath.beads.to.is_some_and(|to| to > bath.beads.from);
-            if !is_counted || beads.end as u64 > self.beads {
+            if bath.beads.counted(self.beads) != bath.beads || bath.beads.of(self.beads).is_err() {
                 let allowed =
                     format!("beads of this chain, 0 to {}: such as \"0..4\" or \"-4..\"", self.beads - 1);
                 return Err(ConfigError::value(&format!("{key}.beads"), bath.beads, &allowed));
