@@ -376,8 +376,14 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "N", requires = "plan", value_parser = parse_positive)]
     pub(crate) cores: Option<NonZero<u64>>,
     /// Print a sweep file to start from
-    #[arg(long, exclusive = true)]
-    pub(crate) example: bool,
+    #[arg(
+        long,
+        exclusive = true,
+        value_name = "reflection|equipartition|conductivity|disorder",
+        num_args = 0..=1,
+        default_missing_value = "reflection"
+    )]
+    pub(crate) example: Option<String>,
     /// Print the progress of the sweep in DIR, and the shards that failed, were requeued, have not begun or stand still
     #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm", "plan"])]
     pub(crate) status: Option<PathBuf>,

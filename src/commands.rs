@@ -1,5 +1,8 @@
 //! One module for each mode; each reads from top to bottom.
 
+use crate::display;
+use crate::failure::{Done, Failure};
+
 pub(crate) mod analyse;
 pub(crate) mod analyses;
 pub(crate) mod catalog;
@@ -25,3 +28,13 @@ pub(crate) mod top;
 pub(crate) mod upload;
 pub(crate) mod verify;
 pub(crate) mod view;
+
+/// Prints the one of `examples`, files to begin with by their names, that is asked for.
+pub(crate) fn print_example(examples: &[(&str, &str)], asked: &str) -> Result<Done, Failure> {
+    let Some((_, text)) = examples.iter().find(|(name, _)| *name == asked) else {
+        let names: Vec<&str> = examples.iter().map(|(name, _)| *name).collect();
+        return Err(bad_input!("there is no example `{asked}`; there are: {}", names.join(", ")));
+    };
+    display::print(text)?;
+    Ok(Done::Whole)
+}

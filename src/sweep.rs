@@ -27,6 +27,7 @@ use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::Cell;
 use directory::Directory;
+use experiments::series::Lines;
 use pending::{Guess, Pending, Points};
 use producer::sweep::{ParameterValue, Sweep, Until};
 use recording::{SpaceNeeded, WriteOptions};
@@ -38,6 +39,9 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use work::{Tally, work};
+
+/// Names of the tables of a sweep: rows and statistics, as they are and over time.
+pub(crate) const TABLES: [[&str; 2]; 2] = [directory::RESULTS, directory::ENSEMBLES];
 
 /// Most points that are recorded: each is a file.
 const MOST_RECORDED: u64 = 10_000;
@@ -207,7 +211,8 @@ pub(crate) fn file_in(out: &Path) -> Option<PathBuf> {
 /// When the directory is not one of this sweep, or its rows cannot be read or are somewhere else.
 pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>, Failure> {
     let directory = Directory::existing(out, sweep)?;
-    let columns = &directory.head().columns;
+    let (columns, lines) = (&directory.head().columns, Lines::of(sweep));
+    let named = lines.as_ref().map_or(columns.as_slice(), |lines| lines.fixed(columns));
     let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in directory.journals()? {
         check_inside(&path, out)?;
@@ -232,8 +237,7 @@ pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>
             Cell::Double(value) => (*value).into(),
             Cell::Word(word) => word.as_str().into(),
         });
-        let values =
-            columns.iter().map(|column| column.name.clone()).zip(parameters.chain(results)).collect();
+        let values = named.iter().map(|column| column.name.clone()).zip(parameters.chain(results)).collect();
         let recording = Some(directory.recording(index)).filter(|path| path.is_file());
         Ok(Shown { index, values, recording })
     };

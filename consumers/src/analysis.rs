@@ -86,8 +86,7 @@ impl Offer {
 
     /// True if its columns are the same whatever the run and the settings.
     fn has_fixed_columns(&self) -> bool {
-        let is_fixed = |column: &Meaning| !column.name.bytes().any(|byte| byte.is_ascii_uppercase());
-        !self.columns.is_empty() && self.columns.iter().all(is_fixed)
+        !self.columns.is_empty() && self.columns.iter().all(Meaning::has_own_name)
     }
 
     /// True if it draws its figure without any setting.
@@ -125,6 +124,11 @@ impl Meaning {
     /// A whole number.
     pub const fn count(name: &'static str, meaning: &'static str) -> Self {
         Self { name, kind: Kind::Integer, meaning }
+    }
+
+    /// True if its name has no capitals, which stand for numbers and places that settings decide.
+    pub fn has_own_name(&self) -> bool {
+        !self.name.bytes().any(|byte| byte.is_ascii_uppercase())
     }
 }
 

@@ -15,6 +15,7 @@ pub mod follow;
 pub mod impurity;
 pub mod journal;
 pub mod local_energy;
+pub mod power_law;
 pub mod pulses;
 pub mod series;
 pub mod space_time;

@@ -18,7 +18,7 @@ mod keys;
 mod sobol;
 mod values;
 
-pub use definition::{GridAxis, Until, grid};
+pub use definition::{GridAxis, Series, Until, grid};
 pub use document::KeyPath;
 pub use ensemble::Ensemble;
 pub use identity::MOST_CHECKED;
@@ -48,14 +48,31 @@ pub struct Hooks {
     pub prepare: fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>,
     /// The whole name of a column that `measure` names. Refuses a name that is no column of an analysis, or none of
     /// the given run, with the allowed ones.
-    pub measure: fn(&str, Option<&RunManifest>) -> Result<String, String>,
+    pub measure: fn(MeasureOf, &str, Option<&RunManifest>) -> Result<String, String>,
+}
+
+/// The numbers of an analysis that a list names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeasureOf {
+    /// Those of its summary: `measure`.
+    Summary,
+    /// Those of its rows, over time: `measure` of `[series]`.
+    Rows,
+}
+
+impl MeasureOf {
+    /// The key of the entry at `place`.
+    pub fn key(self, place: usize) -> String {
+        let table = if self == Self::Rows { "series." } else { "" };
+        format!("{table}measure[{place}]")
+    }
 }
 
 impl Hooks {
     /// Hooks for complete configurations, without analyses.
     pub const NONE: Self = Self {
         prepare: |config, _| Ok(config),
-        measure: |_, _| Err("nothing looks at these runs".to_owned()),
+        measure: |_, _, _| Err("nothing looks at these runs".to_owned()),
     };
 }
 
@@ -168,7 +185,7 @@ impl Sweep {
     ) -> Result<Self, SweepError> {
         let mut definition = Definition::read(text, path, read)?;
         keys::check(path, &definition)?;
-        definition.name_measures(path, hooks.measure)?;
+        definition.name_measures(path, &hooks)?;
         let mut sweep = Self {
             text: text.to_owned(),
             path: path.to_owned(),
@@ -226,6 +243,29 @@ impl Sweep {
         &self.definition.measure
     }
 
+    /// The time (s) from which the analyses of these look at frames.
+    pub fn measure_from_s(&self) -> f64 {
+        self.definition.measure_from_s
+    }
+
+    /// Columns of analyses that each row has over time.
+    pub fn series(&self) -> &Series {
+        &self.definition.series
+    }
+
+    /// The ends (s) of the intervals of time in which they are averaged, in the run of `manifest`; none where there are no columns.
+    ///
+    /// # Errors
+    /// When they would begin after the run.
+    pub fn series_edges_s(&self, manifest: &RunManifest) -> Result<Vec<f64>, String> {
+        let (physics, series) = (&manifest.physics, self.series());
+        let time_s = |steps| physics.time_s(steps);
+        if series.measure.is_empty() {
+            return Ok(Vec::new());
+        }
+        series.edges_s(time_s(manifest.provenance.publish_every_steps), time_s(physics.step_count))
+    }
+
     /// The bead that divides left from right, if the file names one.
     pub fn split_bead(&self) -> Option<u64> {
         self.definition.split_bead
@@ -278,14 +318,15 @@ impl Sweep {
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let manifest = RunManifest::of(physics, &config, "sweep", origin)?;
         self.check_split(&manifest)?;
-        for (place, name) in self.measure().iter().enumerate() {
-            (self.hooks.measure)(name, Some(&manifest)).map_err(|message| ConfigError {
-                path: None,
-                line: None,
-                key: measure_key(place),
-                message,
-            })?;
+        let refuse = |key: String, message| ConfigError { path: None, line: None, key, message };
+        for (kind, names) in [(MeasureOf::Summary, self.measure()), (MeasureOf::Rows, &self.series().measure)]
+        {
+            for (place, name) in names.iter().enumerate() {
+                (self.hooks.measure)(kind, name, Some(&manifest))
+                    .map_err(|message| refuse(kind.key(place), message))?;
+            }
         }
+        self.series_edges_s(&manifest).map_err(|message| refuse("series.from_s".to_owned(), message))?;
         Ok((config, manifest.physics))
     }
 
@@ -387,11 +428,6 @@ fn with_intervals(mut config: RunConfig, document: &Table, physics: &Physics) ->
         config.stream.record_every_steps = RECORD_EVERY_STEPS.next_multiple_of(published);
     }
     config
-}
-
-/// The key of an entry of `measure`.
-fn measure_key(place: usize) -> String {
-    format!("measure[{place}]")
 }
 
 /// An index of something that is in memory.

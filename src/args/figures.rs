@@ -1,7 +1,7 @@
 //! Figures: how they look, and one at a time.
 
 use super::analyses::FramesArgs;
-use super::values::{ColourRange, parse_dpi, parse_range, parse_time, parse_whole};
+use super::values::{ColourRange, parse_dpi, parse_range, parse_stretch, parse_time, parse_whole};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use consumers::fields::Field;
@@ -100,6 +100,7 @@ pub(crate) enum ColoursArg {
     beadline plot sweep/results.csv                            what a sweep has found\n  \
     beadline plot sweep/results.csv --x chain.alpha --y forward_v_peak_m_s --by time.dt_s\n  \
     beadline plot sweep/ensemble.csv --y total_j --band        mean ± standard error\n  \
+    beadline plot sweep/ensemble-series.csv --y spreading.second_moment_beads2 --fit=0.01..\n  \
     beadline plot sweep/results.csv --heat reflected_over_total --log none\n\n\
     Velocity, displacement, overlap and energy density are drawn along the chain at one time (--at, --frame; recomputed where a \
     recording does not hold it), or over space and time; of a cell that stands for several beads or frames the \
@@ -107,7 +108,7 @@ pub(crate) enum ColoursArg {
     --fill-gaps and --every-step recompute the rest.\n\n\
     Of a table (.csv, .parquet), such as a sweep leaves, columns are drawn over each other: rows that differ in nothing that is \
     drawn are averaged, --band shows how they scatter; samples of ranges are points. Rows without a value are counted, and means of \
-    fewer rows than others are marked by a cross. Without --x and --y these are a swept column and \
+    fewer rows than others are marked by a cross. --fit weights points by their standard errors where all have one. Without --x and --y these are a swept column and \
     the first result that differs from row to row."
 )]
 pub(crate) struct PlotArgs {
@@ -140,6 +141,18 @@ pub(crate) struct PlotArgs {
         help_heading = TABLES
     )]
     pub(crate) band: Option<BandArg>,
+    /// A power law through the points of each curve, with its exponent and the error of that; --fit=1e-3..0.1 takes only points with x there
+    #[arg(
+        long,
+        value_name = "A..B",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "0..inf",
+        value_parser = parse_stretch,
+        help_heading = TABLES,
+        conflicts_with = "heat"
+    )]
+    pub(crate) fit: Option<(f64, f64)>,
     /// Logarithmic axes: x, y, x,y or none [default: those of swept columns whose values follow each other by the logarithm]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y|none", value_delimiter = ',', help_heading = TABLES)]
     pub(crate) log: Vec<AxisArg>,

@@ -135,6 +135,14 @@ pub(super) fn parse_range(text: &str) -> Result<ColourRange, String> {
     })
 }
 
+/// `1..5`, `1..` or `..5`: numbers from 0.
+pub(super) fn parse_stretch(text: &str) -> Result<(f64, f64), String> {
+    let number = |text: &str, none: f64| if text.is_empty() { Some(none) } else { text.parse().ok() };
+    let ends = text.split_once("..").and_then(|(from, to)| number(from, 0.0).zip(number(to, f64::INFINITY)));
+    let ends = ends.filter(|(from, to)| *from >= 0.0 && from < to);
+    ends.ok_or_else(|| "expected A..B, A.. or ..B with numbers above 0, the smaller one first".to_owned())
+}
+
 /// A part of the points of a sweep: those whose index leaves the remainder `number` by `count`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Shard {

@@ -4,7 +4,7 @@ mod map;
 
 use crate::args::OrbitArgs;
 use crate::configuration::origin;
-use crate::display::{self, count, counted};
+use crate::display::{count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_figures;
 use crate::progress::Progress;
@@ -51,12 +51,7 @@ const SHOWN: usize = 6;
 
 pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     if let Some(asked) = &args.example {
-        let Some((_, text)) = EXAMPLES.iter().find(|(name, _)| name == asked) else {
-            let names = EXAMPLES.map(|(name, _)| name).join(", ");
-            return Err(bad_input!("there is no example `{asked}`; there are: {names}"));
-        };
-        display::print(text)?;
-        return Ok(Done::Whole);
+        return super::print_example(&EXAMPLES, asked);
     }
     let (Some(path), Some(out)) = (&args.file, &args.out) else {
         return Err(bad_input!("an orbit needs ORBIT.toml and --out DIR; see --help"));

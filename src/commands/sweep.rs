@@ -17,13 +17,17 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// A sweep file to begin with.
-const EXAMPLE: &str = include_str!("sweep/example.toml");
+/// Sweep files to begin with.
+const EXAMPLES: [(&str, &str); 4] = [
+    ("reflection", include_str!("sweep/reflection.toml")),
+    ("equipartition", include_str!("sweep/equipartition.toml")),
+    ("conductivity", include_str!("sweep/conductivity.toml")),
+    ("disorder", include_str!("sweep/disorder.toml")),
+];
 
 pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
-    if args.example {
-        display::print(EXAMPLE)?;
-        return Ok(Done::Whole);
+    if let Some(asked) = &args.example {
+        return super::print_example(&EXAMPLES, asked);
     }
     if let (Some(file), true) = (&args.file, args.plan) {
         return plan(file, args);

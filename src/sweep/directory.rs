@@ -4,6 +4,7 @@
 //! - `rows/I-of-N.rows` the journal of each shard
 //! - `results.csv`, `results.parquet` the merged rows; `timings.csv` how long each took
 //! - `ensemble.csv`, `ensemble.parquet` their statistics over one key, where the sweep has one for that
+//! - `series.csv`, `ensemble-series.csv` and `.parquet` the same over time, where the sweep asks for that
 //! - `recordings/point-000123.mcap` where recordings are asked for
 
 use crate::args::Shard;
@@ -26,7 +27,10 @@ pub(super) const SWEEP_JSON: &str = "sweep.json";
 const SWEEP_TOML: &str = "sweep.toml";
 pub(super) const ROWS: &str = "rows";
 const RECORDINGS: &str = "recordings";
-pub(super) const ENSEMBLES: [&str; 2] = ["ensemble.csv", "ensemble.parquet"];
+/// Names of the tables of rows, of their statistics, and of both over time; each is there as CSV and as Parquet.
+pub(super) const RESULTS: [&str; 2] = ["results", "series"];
+pub(super) const ENSEMBLES: [&str; 2] = ["ensemble", "ensemble-series"];
+pub(super) const FORMATS: [&str; 2] = ["csv", "parquet"];
 
 /// The directory of one sweep.
 #[derive(Debug)]
@@ -142,14 +146,14 @@ impl Directory {
             }
         }
         let recordings = files(&self.path.join(RECORDINGS), |name| name.starts_with("point-"))?;
-        let others = ["results.csv", "results.parquet", "timings.csv", SWEEP_TOML, SWEEP_JSON];
-        let others = others.iter().chain(&ENSEMBLES).map(|name| self.path.join(name));
-        journals.into_iter().chain(recordings).chain(others).try_for_each(|path| remove(&path))
+        let others = ["timings.csv", SWEEP_TOML, SWEEP_JSON].map(|name| self.path.join(name));
+        journals.into_iter().chain(recordings).chain(others).try_for_each(|path| remove(&path))?;
+        RESULTS.iter().chain(&ENSEMBLES).try_for_each(|name| self.remove_table(name))
     }
 
-    /// Removes statistics of an earlier form of the sweep file, which asks for none now.
-    pub(super) fn remove_ensembles(&self) -> Result<(), Failure> {
-        ENSEMBLES.iter().try_for_each(|name| remove(&self.path.join(name)))
+    /// Removes a table in all formats, such as one that an earlier form of the sweep file asked for.
+    pub(super) fn remove_table(&self, name: &str) -> Result<(), Failure> {
+        FORMATS.iter().try_for_each(|format| remove(&self.path.join(format!("{name}.{format}"))))
     }
 
     /// Writes a small file that every process of the sweep would write the same.

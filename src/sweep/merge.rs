@@ -1,6 +1,6 @@
 //! The results of a sweep: the same bytes for any workers and any order of its rows.
 
-use super::directory::{Directory, ENSEMBLES};
+use super::directory::{Directory, ENSEMBLES, FORMATS, RESULTS};
 use super::pending::Points;
 use super::sorted::Sorter;
 use crate::display::{self, counted};
@@ -10,6 +10,7 @@ use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table, TableError};
 use experiments::ERROR_COLUMN;
 use experiments::ensemble::EnsembleTable;
+use experiments::series::Lines;
 use producer::sweep::Sweep;
 use std::path::PathBuf;
 
@@ -152,43 +153,85 @@ pub(super) fn merge(sweep: &Sweep, directory: &Directory, write: bool) -> Result
 
 /// The tables of a sweep, to which rows are added in their order.
 struct Tables<'a> {
-    results: [Table; 2],
+    results: Wide,
     timings: Table,
     ensemble: Option<EnsembleTables<'a>>,
 }
 
 struct EnsembleTables<'a> {
     rows: EnsembleTable<'a>,
-    tables: [Table; 2],
+    tables: Wide,
     /// Rows that have to come in another order.
     by_group: Option<Sorter>,
 }
 
+/// A table of rows in each format, and that of their lines over time.
+struct Wide {
+    rows: Vec<Table>,
+    series: Option<(Lines, Vec<Table>)>,
+}
+
+impl Wide {
+    /// Creates the tables of rows with `columns`, and of their `lines`, under these names.
+    fn create(
+        names: [&str; 2],
+        columns: &[Column],
+        lines: Option<Lines>,
+        directory: &Directory,
+    ) -> Result<Self, TableError> {
+        let create = |name: &str, columns: &[Column]| -> Result<Vec<Table>, TableError> {
+            let columns = [&[Column::new("index", Kind::Integer)], columns].concat();
+            let file = |format: &str| directory.file(&format!("{name}.{format}"));
+            // the existing tables were merged from the same sweep
+            FORMATS.iter().map(|format| Table::create(&file(format), &columns, true)).collect()
+        };
+        let fixed = lines.as_ref().map_or(columns, |lines| lines.fixed(columns));
+        let rows = create(names[0], fixed)?;
+        let series = lines.map(|lines| {
+            let tables = create(names[1], &lines.columns(columns))?;
+            Ok((lines, tables))
+        });
+        Ok(Self { rows, series: series.transpose()? })
+    }
+
+    fn add(&mut self, index: u64, cells: &[Cell]) -> Result<(), Failure> {
+        let Self { rows, series } = self;
+        let fixed = series.as_ref().map_or(cells, |(lines, _)| lines.fixed(cells));
+        rows.iter_mut().try_for_each(|table| add(table, index, fixed))?;
+        if let Some((lines, tables)) = series {
+            for line in lines.lines(cells) {
+                tables.iter_mut().try_for_each(|table| add(table, index, &line))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn tables(self) -> impl Iterator<Item = Table> {
+        self.rows.into_iter().chain(self.series.into_iter().flat_map(|(_, tables)| tables))
+    }
+}
+
 impl<'a> Tables<'a> {
     fn create(sweep: &Sweep, directory: &'a Directory) -> Result<Self, TableError> {
-        let index = || Column::new("index", Kind::Integer);
-        let of = |columns: &[Column]| [&[index()][..], columns].concat();
-        // the existing tables were merged from the same sweep
-        let create =
-            |name: &str, columns: &[Column]| Table::create(&directory.file(name), &of(columns), true);
-        let columns = &directory.head().columns;
+        let (columns, lines) = (&directory.head().columns, Lines::of(sweep));
         let ensemble = EnsembleTable::new(sweep, columns).map(|rows| -> Result<_, TableError> {
-            let columns = rows.columns();
+            let lines = lines.as_ref().map(|lines| rows.lines(lines));
+            let tables = Wide::create(ENSEMBLES, &rows.columns(), lines, directory)?;
             let by_group = rows.is_by_group().then(|| Sorter::new(directory.file("")));
-            let [csv, parquet] = ENSEMBLES.map(|name| create(name, &columns));
-            Ok(EnsembleTables { rows, tables: [csv?, parquet?], by_group })
+            Ok(EnsembleTables { rows, tables, by_group })
         });
+        let ensemble = ensemble.transpose()?;
+        let timings = [("index", Kind::Integer), ("wall_s", Kind::Double)];
+        let timings = timings.map(|(name, kind)| Column::new(name, kind));
         Ok(Self {
-            results: [create("results.csv", columns)?, create("results.parquet", columns)?],
-            timings: create("timings.csv", &[Column::new("wall_s", Kind::Double)])?,
-            ensemble: ensemble.transpose()?,
+            results: Wide::create(RESULTS, columns, lines, directory)?,
+            timings: Table::create(&directory.file("timings.csv"), &timings, true)?,
+            ensemble,
         })
     }
 
     fn add(&mut self, entry: &Entry, json: &[u8]) -> Result<(), Failure> {
-        for table in &mut self.results {
-            add(table, entry.index, &entry.cells)?;
-        }
+        self.results.add(entry.index, &entry.cells)?;
         add(&mut self.timings, entry.index, &[Cell::Double(entry.wall_s)])?;
         match &mut self.ensemble {
             Some(EnsembleTables { rows, by_group: Some(sorter), .. }) => {
@@ -199,15 +242,19 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// The tables, in the order in which they are told.
+    /// The tables, in the order in which they are told. Those that an earlier form of the sweep file asked for are removed.
     fn finish(self, directory: &Directory) -> Result<Vec<PathBuf>, Failure> {
-        let mut tables = Vec::from(self.results);
-        match self.ensemble {
-            Some(ensemble) => tables.extend(ensemble.finish(&directory.head().columns)?),
-            None => directory.remove_ensembles()?,
+        let Self { results, timings, ensemble } = self;
+        if results.series.is_none() {
+            [RESULTS[1], ENSEMBLES[1]].iter().try_for_each(|name| directory.remove_table(name))?;
         }
-        tables.push(self.timings);
-        Ok(tables.into_iter().map(Table::finish).collect::<Result<_, TableError>>()?)
+        if ensemble.is_none() {
+            ENSEMBLES.iter().try_for_each(|name| directory.remove_table(name))?;
+        }
+        let columns = &directory.head().columns;
+        let ensemble = ensemble.map(|ensemble| ensemble.finish(columns)).transpose()?;
+        let tables = results.tables().chain(ensemble.into_iter().flat_map(Wide::tables)).chain([timings]);
+        Ok(tables.map(Table::finish).collect::<Result<_, TableError>>()?)
     }
 }
 
@@ -218,13 +265,10 @@ impl EnsembleTables<'_> {
     }
 
     fn write(&mut self, groups: &[(u64, Vec<Cell>)]) -> Result<(), Failure> {
-        for table in &mut self.tables {
-            groups.iter().try_for_each(|(group, cells)| add(table, *group, cells))?;
-        }
-        Ok(())
+        groups.iter().try_for_each(|(group, cells)| self.tables.add(*group, cells))
     }
 
-    fn finish(mut self, columns: &[Column]) -> Result<[Table; 2], Failure> {
+    fn finish(mut self, columns: &[Column]) -> Result<Wide, Failure> {
         if let Some(mut sorted) = self.by_group.take().map(Sorter::finish).transpose()? {
             while let Some((_, json)) = sorted.next()? {
                 // it was read before

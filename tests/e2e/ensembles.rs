@@ -184,3 +184,121 @@ fn mistakes_say_what_is_allowed() {
         place.run("sweep s.toml --out dir").exits(2).says(&[says]);
     }
 }
+
+/// Disordered chains with two measures over time, in intervals that grow.
+const SERIES: &str = "\
+seeds = { from = 0, count = 3 }
+record = true
+[series]
+measure = [\"spreading.second_moment\", \"spreading.participation\"]
+count = 6
+spacing = \"log\"
+from_s = 2e-4
+[base]
+preset = \"disordered\"
+chain.beads = 60
+striker.bead = 30
+time.duration_s = 4e-3
+time.dt_s = 1e-5
+stream = { publish_every_steps = 4, record_every_steps = 4 }
+[grid]
+\"disorder[0].uniform\" = [0.2, 0.6]
+";
+
+/// Lines over time are the means of the rows that the analysis has of the recordings, and statistics of those of the seeds; whoever
+/// computes them, they are the same bytes.
+#[test]
+fn columns_over_time_are_means_of_the_rows_of_the_analysis() {
+    let place = place(SERIES);
+    place.run("sweep s.toml --out one").exits(0);
+    let edges: Vec<f64> = (0..=6).map(|i| 2e-4 * 20_f64.powf(f64::from(i) / 6.0)).collect();
+    let found = rows(&place.read("one/series.csv"));
+    assert_eq!(found.len(), 36);
+    let (moment, shared) = ("spreading.second_moment_beads2", "spreading.participation_beads");
+    for index in 0..6 {
+        let recording = format!("one/recordings/point-{index:06}.mcap");
+        place.run(&format!("spreading {recording} --out rows-{index}.csv")).exits(0);
+        let all = rows(&place.read(&format!("rows-{index}.csv")));
+        let lines = found.iter().filter(|line| number(line, "index") == f64::from(index));
+        for (interval, line) in lines.enumerate() {
+            let within = |row: &&HashMap<String, String>| {
+                let time_s = number(row, "time_s");
+                time_s <= edges[interval + 1] * (1.0 + 1e-12) && time_s > edges[interval] * (1.0 + 1e-12)
+                    || interval == 0 && (time_s - edges[0]).abs() < 1e-12
+            };
+            let within: Vec<_> = all.iter().filter(within).collect();
+            for (of, to) in
+                [("time_s", "time_s"), ("second_moment_beads2", moment), ("participation_beads", shared)]
+            {
+                let mean = within.iter().map(|row| number(row, of)).sum::<f64>() / within.len() as f64;
+                let is = number(line, to);
+                assert!(
+                    (is - mean).abs() <= 1e-13 * mean,
+                    "point {index}, interval {interval}, {to}: {is}, {mean}"
+                );
+            }
+        }
+    }
+    for group in rows(&place.read("one/ensemble-series.csv")) {
+        let of = |line: &&HashMap<String, String>| {
+            line["disorder[0].uniform"] == group["disorder[0].uniform"] && line["time_s"] == group["time_s"]
+        };
+        let values: Vec<f64> = found.iter().filter(of).map(|line| number(line, moment)).collect();
+        let (mean, count) = (values.iter().sum::<f64>() / 3.0, number(&group, "count"));
+        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / 2.0;
+        assert_eq!((values.len(), count), (3, 3.0));
+        let is = |column: String, value: f64| assert!((number(&group, &column) / value - 1.0).abs() < 1e-12);
+        is(format!("mean_{moment}"), mean);
+        is(format!("standard_error_{moment}"), (variance / 3.0).sqrt());
+    }
+    place.run("sweep s.toml --out parts --shard 1/2").exits(0);
+    place.run("sweep s.toml --out parts --shard 0/2").exits(0);
+    for file in
+        ["series.csv", "series.parquet", "ensemble-series.csv", "ensemble-series.parquet", "results.csv"]
+    {
+        let [one, parts] = ["one", "parts"].map(|dir| fs::read(place.path(format!("{dir}/{file}"))).unwrap());
+        assert!(one == parts, "{file}");
+    }
+    let plot = "plot one/ensemble-series.csv --y spreading.second_moment_beads2 --band --fit=5e-4.. --json";
+    let fitted = place.run(plot).exits(0).json();
+    assert_eq!((&fitted["x"], &fitted["by"]), (&"time_s".into(), &"disorder[0].uniform".into()));
+    let exponents = fitted["fits"].as_array().expect("fits").iter();
+    let exponents: Vec<f64> = exponents.map(|fit| fit["exponent"].as_f64().expect("a number")).collect();
+    // without disorder a struck chain has 2
+    assert!(exponents.len() == 2 && exponents[1] < exponents[0] && exponents[0] < 2.1, "{exponents:?}");
+}
+
+#[test]
+fn columns_over_time_that_cannot_be_are_refused() {
+    for (replaced, with, says) in [
+        (
+            "spreading.second_moment",
+            "spreading.nothing",
+            "series.measure[0]: found the unknown column `nothing`",
+        ),
+        (
+            "spreading.second_moment",
+            "spreading.moment_exponent",
+            "unknown column `moment_exponent` of spreading",
+        ),
+        (
+            "spreading.participation",
+            "pulses.pulse_count",
+            "series.measure[1]: found `pulse_count`; allowed: another analysis",
+        ),
+        ("spreading.participation", "spreading.second_moment_beads2", "twice"),
+        ("count = 6", "count = 0", "series.count: found 0; allowed: a whole number from 1 to"),
+        ("count = 6", "count = 9999", "series.count: found 9999; allowed"),
+        ("from_s = 2e-4", "from_s = 0.0", "allowed: a time above 0 (s), as spacing is \"log\""),
+        (
+            "from_s = 2e-4",
+            "from_s = 5e-3",
+            "series.from_s: found 0.005; allowed: less than the duration, 0.004 s",
+        ),
+        ("from_s = 2e-4", "until_s = 5e-3", "unknown field `until_s`"),
+        ("\"log\"", "\"equal\"", "unknown variant `equal`"),
+    ] {
+        let place = place(&SERIES.replace(replaced, with));
+        place.run("sweep s.toml --out one").exits(2).says(&[says]);
+    }
+}

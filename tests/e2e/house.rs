@@ -2,6 +2,7 @@
 
 mod architecture;
 mod circles;
+mod citing;
 mod counts;
 mod skipping;
 mod source;

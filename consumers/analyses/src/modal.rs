@@ -28,12 +28,13 @@ pub static OFFER: Offer = Offer {
         energy that is in each of M modes (those of frequency 0 left out), the entropy is S = -Σ p·ln p, e^S the effective number of modes, and \
         η = (ln M - S)/(ln M - S0) the distance from equipartition (R. Livi and others, Phys. Rev. A 31 (1985) 1039, doi:10.1103/PhysRevA.31.1039), \
         with S0 of the first frame that is looked at: 1 at first. In equilibrium the energies fluctuate, and η comes to about 0.42/(ln M - S0). \
-        --threshold tells when η was first below it. --spectrum has the mean energy of each mode. A frame costs one Fourier transform where all \
+        The mean η is that of energies averaged over the time s since the first frame with the weight s², which forget the beginning and fluctuate \
+        less the longer it lasts; --threshold tells when it was first below. --spectrum has the mean energy of each mode. A frame costs one Fourier transform where all \
         beads and springs are alike, else the square of their number.",
     settings: &[Setting::new(
         "threshold",
         Takes::number("eta", Allowed::AboveZero),
-        "The η that counts as equipartition [default: 0.5]",
+        "The mean η that counts as equipartition [default: 0.5]",
     )],
     tables: &[
         TableFlag { name: "out", help: "Table of the numbers in each frame" },
@@ -47,11 +48,13 @@ pub static OFFER: Offer = Offer {
         Meaning::number("entropy", "spectral entropy"),
         Meaning::number("effective_modes", "effective number of modes"),
         Meaning::number("distance", "distance η from equipartition"),
+        Meaning::number("mean_distance", "the same from mean energies, of which a time s has the weight s²"),
     ],
     summary: &[
-        Meaning::number("equipartition_s", "time at which η was first below the threshold"),
+        Meaning::number("equipartition_s", "time at which the mean η was first below the threshold"),
         Meaning::number("effective_modes", "effective number of modes in the last frame"),
         Meaning::number("distance", "η in the last frame"),
+        Meaning::number("mean_distance", "mean η in the last frame"),
         Meaning::number("effective_modes_of_mean", "the same number from the mean energies of the modes"),
     ],
     needs: Needs::FRAMES,
@@ -76,11 +79,14 @@ struct ModalAnalysis {
     free: usize,
     threshold: f64,
     energies_j: Vec<f64>,
+    /// Their means over the time (s) since the first frame, with the square of that as their weight, until the second one.
+    means_j: Vec<f64>,
+    means_over_s: Option<[f64; 2]>,
     /// Sums of the energies (J) of each mode over the frames, and their number.
     sums_j: Vec<f64>,
     frames: f64,
     first_entropy: f64,
-    last: [f64; 4],
+    last: [f64; 5],
     equipartition_s: Option<f64>,
     curves: Option<Series<2>>,
 }
@@ -109,9 +115,11 @@ impl ModalAnalysis {
             sums_j: vec![0.0; modal.as_ref().map_or(0, Modal::count)],
             threshold: beginning.settings.one("threshold").unwrap_or(0.5),
             energies_j: Vec::new(),
+            means_j: Vec::new(),
+            means_over_s: None,
             frames: 0.0,
             first_entropy: f64::NAN,
-            last: [f64::NAN; 4],
+            last: [f64::NAN; 5],
             equipartition_s: None,
             curves: beginning.is_drawn.then(Series::default),
             modal,
@@ -156,17 +164,28 @@ impl Analysis for ModalAnalysis {
         self.frames += 1.0;
         self.sums_j.iter_mut().zip(&self.energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
         let shared_j = &self.energies_j[self.free..];
+        let [begin_s, before_s] = self.means_over_s.unwrap_or([frame.time_s; 2]);
+        // the part of all weight that is of the time since the frame before
+        let (time_s, before) = (frame.time_s - begin_s, before_s - begin_s);
+        let part = if time_s > 0.0 { 1.0 - (before / time_s).powi(3) } else { 1.0 };
+        self.means_over_s = Some([begin_s, frame.time_s]);
+        self.means_j.resize(shared_j.len(), 0.0);
+        self.means_j
+            .iter_mut()
+            .zip(shared_j)
+            .for_each(|(mean_j, energy_j)| *mean_j += part * (energy_j - *mean_j));
         let (entropy, most) = (entropy_of(shared_j), (shared_j.len() as f64).ln());
         if self.first_entropy.is_nan() {
             self.first_entropy = entropy;
         }
-        let distance = (most - entropy) / (most - self.first_entropy);
-        if distance < self.threshold && self.equipartition_s.is_none() {
+        let distance_of = |entropy: f64| (most - entropy) / (most - self.first_entropy);
+        let (distance, mean_distance) = (distance_of(entropy), distance_of(entropy_of(&self.means_j)));
+        if mean_distance < self.threshold && self.equipartition_s.is_none() {
             self.equipartition_s = Some(frame.time_s);
         }
-        self.last = [shared_j.iter().sum(), entropy, entropy.exp(), distance];
+        self.last = [shared_j.iter().sum(), entropy, entropy.exp(), distance, mean_distance];
         if let Some(curves) = &mut self.curves {
-            curves.push(frame.time_s, [distance, entropy.exp()]);
+            curves.push(frame.time_s, [distance, mean_distance]);
         }
         out.row(frame, &self.last);
     }
@@ -183,7 +202,7 @@ impl Analysis for ModalAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let [energy_j, entropy, effective, distance] = self.last;
+        let [energy_j, entropy, effective, distance, mean_distance] = self.last;
         let mean = self.effective_of_mean();
         let mut report = Report { title: "modal energies", ..Report::default() };
         let words = &mut report.words;
@@ -191,13 +210,16 @@ impl Analysis for ModalAnalysis {
         words.add("energy", format_args!("{} in the modes", quantity(energy_j, "J")));
         words
             .add("effective", format_args!("{} modes; {} by mean energies", number(effective), number(mean)));
-        words.add("distance", format_args!("η = {}", number(distance)));
+        words.add("distance", format_args!("η = {}, mean {}", number(distance), number(mean_distance)));
         let reached = self.equipartition_s.map(|time_s| format!("at {}", quantity(time_s, "s")));
         let never = || "not reached in the frames that were looked at".to_owned();
-        words.add("η below", format_args!("{}: {}", number(self.threshold), reached.unwrap_or_else(never)));
+        words.add(
+            "mean η below",
+            format_args!("{}: {}", number(self.threshold), reached.unwrap_or_else(never)),
+        );
         report.results = json!({
             "modes": self.count(), "modal_energy_j": energy_j, "entropy": entropy, "effective_modes": effective,
-            "distance": distance, "equipartition_s": self.equipartition_s, "effective_modes_of_mean": mean,
+            "distance": distance, "mean_distance": mean_distance, "equipartition_s": self.equipartition_s, "effective_modes_of_mean": mean,
         });
         Some(report)
     }
@@ -205,7 +227,9 @@ impl Analysis for ModalAnalysis {
     /// The distance from equipartition over time, and the mean energy of each mode.
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
         let curves = self.curves.take().unwrap_or_default();
-        let distance: Vec<_> = curves.curve(0).filter(|(t, value)| *t > 0.0 && *value > 0.0).collect();
+        let distance = |curve: usize| {
+            curves.curve(curve).filter(|(t, value)| *t > 0.0 && *value > 0.0).collect::<Vec<_>>()
+        };
         let spectrum = self.spectrum().into_iter().filter(|[_, _, part]| *part > 0.0);
         let spectrum: Vec<_> = spectrum.map(|[hertz, _, part]| (hertz, part)).collect();
         Ok(Some(
@@ -216,7 +240,8 @@ impl Analysis for ModalAnalysis {
                         .x_axis(Axis::new("time (s)").log())
                         .y_axis(Axis::new("distance from equipartition η").log())
                         .horizontal("threshold", self.threshold)
-                        .line("", distance),
+                        .line("in each frame", distance(0))
+                        .line("of mean energies", distance(1)),
                 )
                 .panel(
                     Panel::new()
@@ -229,11 +254,12 @@ impl Analysis for ModalAnalysis {
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        let [_, _, effective, distance] = self.last;
+        let [_, _, effective, distance, mean_distance] = self.last;
         Some(Number::Double(match name {
             "equipartition_s" => self.equipartition_s?,
             "effective_modes" => effective,
             "distance" => distance,
+            "mean_distance" => mean_distance,
             "effective_modes_of_mean" => self.effective_of_mean(),
             _ => return None,
         }))

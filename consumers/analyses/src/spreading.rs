@@ -1,7 +1,10 @@
 //! Spreading of the energy of a chain, and the number of beads that share it.
 
-use consumers::analysis::{Analysis, Beginning, Meaning, Needs, Offer, Outlet, Remake, Report};
+use consumers::analysis::{
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Remake, Report, Setting, Takes,
+};
 use consumers::local_energy::bead_energies_j;
+use consumers::power_law::LineSums;
 use consumers::series::Series;
 use figure::{Axis, Figure, FigureError, Panel};
 use schemas::amounts::{number, quantity};
@@ -14,16 +17,25 @@ use serde_json::json;
 /// The analysis, before it looks at a run.
 pub static OFFER: Offer = Offer {
     name: "spreading",
-    about: "Spreading of the energy: second moment, and the number of beads that share it",
+    about: "Spreading of the energy: second moment, the number of beads that share it, their exponents",
     help: "Examples:\n  \
         beadline spreading --figure s.png                    attach to the only live run\n  \
         beadline spreading run.mcap --out s.csv --figure s.svg\n  \
         beadline spreading sparse.mcap --every-step --from 0.04 --until 0.041 --out s.csv\n\n\
         The energy ε of bead i is its kinetic energy, half the potential energy of each contact with a bead, and all of that with a \
         wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
-        has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε.",
+        has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε.\n\n\
+        m2 and P grow as powers of the time: their exponents are the slopes of the logarithms, by least squares from --fit-from to the end, \
+        with the same weight for each factor in time. The localisation length ξ is that of exp(-|i − p|/ξ), fitted to the mean energies of these \
+        frames around the bead p that has most, out to where they are 1e-8 of its. Errors are those over runs: sweep the seed.",
+    settings: &[Setting::new(
+        "fit-from",
+        Takes::number("s", Allowed::AboveZero),
+        "Begin of the exponents and of the mean energies [default: a tenth of the time of the last frame]",
+    )],
     columns: &COLUMNS,
-    needs: Needs { last_frame_only: true, remake: Remake::OfFrame, ..Needs::FRAMES },
+    summary: &SUMMARY,
+    needs: Needs { remake: Remake::OfFrame, ..Needs::FRAMES },
     begin: |beginning| Ok(Box::new(Spreading::new(beginning))),
     ..Offer::PLAIN
 };
@@ -34,6 +46,19 @@ const COLUMNS: [Meaning; 4] = [
     Meaning::number("second_moment_beads2", "second moment of the energy about its centre"),
     Meaning::number("participation_beads", "beads that share the energy"),
 ];
+
+const SUMMARY: [Meaning; 7] = [
+    COLUMNS[0],
+    COLUMNS[1],
+    COLUMNS[2],
+    COLUMNS[3],
+    Meaning::number("moment_exponent", "exponent of the growth of the second moment"),
+    Meaning::number("participation_exponent", "the same of the participation number"),
+    Meaning::number("localisation_beads", "localisation length of the energy"),
+];
+
+/// Mean energy of a bead over the largest one, below which the localisation length does not look at it.
+const FAINTEST: f64 = 1e-8;
 
 /// Energy along the chain in one frame, with `ε_i` the energy of bead `i` ([`bead_energies_j`]). NaN in a chain without energy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -81,6 +106,11 @@ struct Spreading {
     manifest: RunManifest,
     chain: Chain,
     last: Option<SpreadingRow>,
+    fit_from_s: f64,
+    /// Logarithms of the second moment and of the participation number over that of the time.
+    growth: [LineSums; 2],
+    /// Sums of the energies (J) of the beads.
+    sums_j: Vec<f64>,
     /// Kept for a figure alone.
     curves: Option<Series<4>>,
 }
@@ -89,13 +119,50 @@ impl Spreading {
     fn new(beginning: &Beginning<'_>) -> Self {
         let manifest = beginning.manifest.clone();
         let curves = beginning.is_drawn.then(Series::default);
-        Self { chain: manifest.physics.chain(), manifest, last: None, curves }
+        let a_tenth_s = 0.1 * manifest.physics.time_s(*beginning.steps.end());
+        Self {
+            chain: manifest.physics.chain(),
+            last: None,
+            fit_from_s: beginning.settings.one("fit-from").unwrap_or(a_tenth_s),
+            growth: [LineSums::default(); 2],
+            sums_j: Vec::new(),
+            manifest,
+            curves,
+        }
+    }
+
+    /// The exponents of the growth of the second moment and of the participation number.
+    fn exponents(&self) -> [Option<f64>; 2] {
+        self.growth.map(|sums| sums.line().map(|[slope, _]| slope))
+    }
+
+    /// The localisation length (beads); none where energies do not fall from the bead that has most.
+    fn localisation_beads(&self) -> Option<f64> {
+        let (peak, most_j) = (0..).zip(&self.sums_j).reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+        let is_seen = |sum_j: &&f64| **sum_j > FAINTEST * most_j;
+        let mut sums = LineSums::default();
+        let (before, after) = self.sums_j.split_at(peak);
+        for (first, side) in [(1_u32, before.iter().rev().collect::<Vec<_>>()), (0, after.iter().collect())] {
+            let seen = side.into_iter().take_while(is_seen);
+            (first..).zip(seen).for_each(|(distance, sum_j)| sums.add((distance.into(), sum_j.ln()), 1.0));
+        }
+        sums.line().map(|[slope, _]| -1.0 / slope).filter(|length| *length > 0.0 && length.is_finite())
     }
 }
 
 impl Analysis for Spreading {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        let row = SpreadingRow::of(&bead_energies_j(&self.chain, frame));
+        let energies_j = bead_energies_j(&self.chain, frame);
+        let row = SpreadingRow::of(&energies_j);
+        if frame.time_s >= self.fit_from_s {
+            for (sums, value) in
+                self.growth.iter_mut().zip([row.second_moment_beads2, row.participation_beads])
+            {
+                sums.add((frame.time_s.ln(), value.ln()), 1.0 / frame.time_s);
+            }
+            self.sums_j.resize(energies_j.len(), 0.0);
+            self.sums_j.iter_mut().zip(&energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
+        }
         if let Some(curves) = &mut self.curves {
             curves.push(frame.time_s, row.values());
         }
@@ -106,6 +173,11 @@ impl Analysis for Spreading {
     fn report(&mut self) -> Option<Report> {
         let mut report = Report { title: "spreading", results: json!(self.last), ..Report::default() };
         let Some(row) = self.last else { return Some(report) };
+        let [moment_exponent, participation_exponent] = self.exponents();
+        let localisation_beads = self.localisation_beads();
+        report.results["moment_exponent"] = json!(moment_exponent);
+        report.results["participation_exponent"] = json!(participation_exponent);
+        report.results["localisation_beads"] = json!(localisation_beads);
         let words = &mut report.words;
         if row.participation_beads.is_nan() {
             words.add("energy", "none: nothing can spread");
@@ -116,7 +188,27 @@ impl Analysis for Spreading {
         let (moment, width) = (row.second_moment_beads2, row.second_moment_beads2.sqrt());
         words.add("second moment", format_args!("{} beads² (width {} beads)", number(moment), number(width)));
         words.add("participation", format_args!("{} beads", number(row.participation_beads)));
+        let from = quantity(self.fit_from_s, "s");
+        for (name, exponent) in [("m2 grows", moment_exponent), ("P grows", participation_exponent)] {
+            exponent.into_iter().for_each(|exponent| {
+                words.add(name, format_args!("as t^{} from {from} on", number(exponent)));
+            });
+        }
+        if let Some(length) = localisation_beads {
+            words.add("localisation", format_args!("{} beads", number(length)));
+        }
         Some(report)
+    }
+
+    fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
+        let [moment, participation] = self.exponents();
+        let value = match name {
+            "moment_exponent" => moment,
+            "participation_exponent" => participation,
+            "localisation_beads" => self.localisation_beads(),
+            _ => None,
+        };
+        value.map(Number::Double)
     }
 
     /// The second moment and the participation number over time, both logarithmic: a power law is a straight line.
@@ -141,6 +233,42 @@ impl Analysis for Spreading {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::Preset;
+
+    /// Frames of linear springs at rest whose beads have velocities √ε: ε falls by e in two beads, about a middle with a width ∝ t.
+    #[test]
+    fn a_packet_that_spreads_by_a_law_has_its_exponent_and_length() {
+        let config = Preset::find("disordered").expect("a preset").config();
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&config, "run", origin).expect("valid");
+        let settings = consumers::analysis::Settings::default();
+        let mut spreading = Spreading::new(&Beginning::whole("spreading", &manifest, &settings));
+        let mass_kg = spreading.chain.mass_kg.clone();
+        let beads = mass_kg.len();
+        let shape = |bead: usize| (-0.5 * (bead as f64 - 200.0).abs()).exp();
+        for step in 1..=20 {
+            let time_s = 1e-3 * f64::from(step);
+            // two beads at a distance ∝ t, so that m2 is its square
+            let energy = |bead: usize| shape(bead);
+            let v_m_s: Vec<f64> =
+                (0..beads).map(|bead| (2.0 * energy(bead) / mass_kg[bead]).sqrt()).collect();
+            let frame = Frame {
+                frame: 0,
+                step: 0,
+                time_s,
+                u_m: &vec![0.0; beads],
+                v_m_s: &v_m_s,
+                extra: &[],
+                active: None,
+            };
+            spreading.observe(&frame, &mut consumers::analysis::LastRow::default());
+        }
+        let length = spreading.localisation_beads().expect("it falls");
+        assert!((length - 2.0).abs() < 1e-9, "{length}");
+        let [moment, participation] = spreading.exponents().map(|found| found.expect("frames"));
+        assert!(moment.abs() < 1e-12 && participation.abs() < 1e-12, "it does not spread");
+    }
 
     #[test]
     fn a_packet_and_an_even_chain_have_their_numbers() {

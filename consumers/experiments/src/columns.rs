@@ -2,6 +2,7 @@
 
 use crate::measures;
 use crate::point::Leading;
+use crate::series;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
 use consumers::pulses::{Counts, Measured};
@@ -76,7 +77,7 @@ const CHECKED: [(&str, Kind); 4] = [
 /// The column of why a point has no results.
 pub const ERROR_COLUMN: &str = "error";
 
-/// The columns of a sweep's rows: its parameters, then the results, then those of other analyses that it asks for.
+/// The columns of a sweep's rows: its parameters, then the results, then those of other analyses that it asks for, then these over time.
 pub fn columns(sweep: &Sweep) -> Vec<Column> {
     let kind = |kind| match kind {
         ParameterKind::Integer => Kind::Integer,
@@ -85,7 +86,8 @@ pub fn columns(sweep: &Sweep) -> Vec<Column> {
     };
     let parameters = sweep.parameters().iter().map(|p| Column::new(p.key.clone(), kind(p.kind)));
     let results = results(sweep).map(|(name, kind)| Column::new(*name, *kind));
-    parameters.chain(results).chain(measures::columns(sweep.measure())).collect()
+    let measured = measures::columns(sweep.measure());
+    parameters.chain(results).chain(measured).chain(series::columns(sweep)).collect()
 }
 
 /// The columns of the results of `sweep`.
@@ -108,11 +110,11 @@ impl Results {
     pub(crate) fn of(sweep: &Sweep) -> Self {
         Self {
             results: vec![Cell::Empty; results(sweep).count()],
-            measured: vec![Cell::Empty; sweep.measure().len()],
+            measured: vec![Cell::Empty; sweep.measure().len() + series::columns(sweep).count()],
         }
     }
 
-    /// Sets the values of other analyses that the sweep asks for.
+    /// Sets the values of other analyses that the sweep asks for, and those over time.
     pub(crate) fn measured(&mut self, cells: Vec<Cell>) {
         self.measured = cells;
     }

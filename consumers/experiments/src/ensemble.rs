@@ -1,5 +1,6 @@
 //! The table of an ensemble: a row for the points that differ in one key alone, such as the seed.
 
+use crate::series::Lines;
 use consumers::statistics::{QUANTILES, Statistics};
 use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{Ensemble, Sweep};
@@ -66,6 +67,13 @@ impl<'a> EnsembleTable<'a> {
             columns.push(Column::new(format!("missing_{name}"), Kind::Integer));
         }
         columns
+    }
+
+    /// The lines over time of its rows; `lines` are those of the rows that they are made of.
+    pub fn lines(&self, lines: &Lines) -> Lines {
+        let (shared, cells) = (self.ensemble.shared.len(), STATISTICS.len() + 1);
+        let fixed = self.numbers.iter().filter(|place| lines.is_fixed(**place)).count();
+        lines.of_statistics(shared, shared + 1 + cells * fixed, cells)
     }
 
     /// Takes the next row, by index or [by group](Self::is_by_group) and in that by index, and gives the rows of the groups

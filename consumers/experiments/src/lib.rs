@@ -2,6 +2,7 @@
 //!
 //! - [`row`]: a point of a sweep, a pure function of the sweep file and an index
 //! - `measures`: numbers of any analysis that a row has when it is asked for them by name
+//! - [`series`]: columns of any analysis over time
 //! - [`ensemble`]: what the rows of points have in common that differ in one key
 //! - [`compare`]: a run and its twins, side by side
 //! - [`recorded`]: a run that goes into a file
@@ -16,6 +17,7 @@ pub mod pool;
 mod prepare;
 pub mod recorded;
 pub mod row;
+pub mod series;
 
 pub use columns::{ERROR_COLUMN, columns};
 pub use prepare::prepared;

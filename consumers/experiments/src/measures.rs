@@ -1,4 +1,4 @@
-//! Numbers of the summary of any analysis, by name: `measure` of a sweep file.
+//! Numbers of any analysis, by name: those of its summary, `measure` of a sweep file, and those of its rows, `measure` of `[series]`.
 //!
 //! `ANALYSIS.COLUMN`, or `ANALYSIS.COLUMN@PLACE` where an analysis looks at one place. Numbers are those of the command of that
 //! name with its defaults.
@@ -8,6 +8,7 @@ use consumers::analysis::{
     Analysis, Beginning, LastRow, Meaning, Number, Offer, Refusal, Settings, Whereabouts,
 };
 use consumers::table::{Cell, Column};
+use producer::sweep::MeasureOf;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::spelling::did_you_mean;
@@ -15,32 +16,44 @@ use schemas::spelling::did_you_mean;
 /// The ends of names that are units, which may be left out.
 const UNITS: [&str; 10] = ["j", "n", "m", "s", "hz", "beads", "beads2", "m_s", "n_s", "beads_per_s"];
 
+/// The numbers of an analysis that have a name whatever the settings.
+fn numbers_of(kind: MeasureOf, offer: &'static Offer) -> impl Iterator<Item = &'static Meaning> {
+    let numbers = if kind == MeasureOf::Rows { offer.columns } else { offer.numbers() };
+    numbers.iter().filter(|number| number.has_own_name())
+}
+
 /// The number of this name, or the only one that it is without its unit.
-fn number_of(offer: &'static Offer, asked: &str) -> Result<&'static Meaning, String> {
-    if let Some(found) = offer.numbers().iter().find(|number| number.name == asked) {
+fn number_of(kind: MeasureOf, offer: &'static Offer, asked: &str) -> Result<&'static Meaning, String> {
+    if let Some(found) = numbers_of(kind, offer).find(|number| number.name == asked) {
         return Ok(found);
     }
     let unit = |name: &'static str| name.strip_prefix(asked)?.strip_prefix('_');
     let fits = |number: &&Meaning| unit(number.name).is_some_and(|unit| UNITS.contains(&unit));
-    let mut fitting = offer.numbers().iter().filter(fits);
+    let mut fitting = numbers_of(kind, offer).filter(fits);
     if let (Some(found), None) = (fitting.next(), fitting.next()) {
         return Ok(found);
     }
-    let known: Vec<&str> = offer.numbers().iter().map(|number| number.name).collect();
+    let known: Vec<&str> = numbers_of(kind, offer).map(|number| number.name).collect();
+    if known.is_empty() {
+        return Err(format!(
+            "found `{asked}`; allowed: another analysis, {} has no rows of numbers with names",
+            offer.name
+        ));
+    }
     let hint = did_you_mean(asked, known.iter().copied());
     let allowed = known.join(", ");
     Err(format!("found the unknown column `{asked}` of {}; allowed: {allowed}{hint}", offer.name))
 }
 
 /// A number that a sweep asks for.
-struct Measure<'a> {
-    offer: &'static Offer,
-    number: &'static Meaning,
+pub(crate) struct Measure<'a> {
+    pub(crate) offer: &'static Offer,
+    pub(crate) number: &'static Meaning,
     place: Option<&'a str>,
 }
 
 impl<'a> Measure<'a> {
-    fn parse(text: &'a str) -> Result<Self, String> {
+    pub(crate) fn parse(kind: MeasureOf, text: &'a str) -> Result<Self, String> {
         let (name, place) = match text.split_once('@') {
             Some((name, place)) => (name, Some(place)),
             None => (text, None),
@@ -56,7 +69,7 @@ impl<'a> Measure<'a> {
             let hint = did_you_mean(analysis, all().map(|offer| offer.name));
             return Err(format!("found the unknown analysis `{analysis}`; allowed: {}{hint}", every()));
         };
-        let number = number_of(offer, column)?;
+        let number = number_of(kind, offer, column)?;
         let name = format!("{analysis}.{}", number.name);
         match (&offer.place, place) {
             (Whereabouts::Chain, Some(place)) => {
@@ -80,12 +93,12 @@ impl<'a> Measure<'a> {
     }
 
     /// The place that is a setting.
-    fn place_set(&self) -> Option<&'a str> {
+    pub(crate) fn place_set(&self) -> Option<&'a str> {
         self.place.filter(|_| matches!(self.offer.place, Whereabouts::Of { .. }))
     }
 
     /// Begins to look at a run.
-    fn begin(&self, manifest: &RunManifest, is_trial: bool) -> Result<Box<dyn Analysis>, String> {
+    pub(crate) fn begin(&self, manifest: &RunManifest, is_trial: bool) -> Result<Box<dyn Analysis>, String> {
         let mut settings = Settings::default();
         if let (Whereabouts::Of { setting, also, allowed }, Some(place)) = (&self.offer.place, self.place) {
             for known in self.offer.settings {
@@ -115,8 +128,8 @@ impl<'a> Measure<'a> {
 ///
 /// # Errors
 /// When it is no number of an analysis, or none of the run of `manifest`: what was found, and what is allowed.
-pub(crate) fn check(text: &str, manifest: Option<&RunManifest>) -> Result<String, String> {
-    let measure = Measure::parse(text)?;
+pub(crate) fn check(kind: MeasureOf, text: &str, manifest: Option<&RunManifest>) -> Result<String, String> {
+    let measure = Measure::parse(kind, text)?;
     if let Some(manifest) = manifest {
         measure.begin(manifest, true)?;
     }
@@ -125,7 +138,7 @@ pub(crate) fn check(text: &str, manifest: Option<&RunManifest>) -> Result<String
 
 /// The columns of the numbers that are asked for, which were checked.
 pub(crate) fn columns(asked: &[String]) -> impl Iterator<Item = Column> {
-    let measures = asked.iter().filter_map(|text| Measure::parse(text).ok());
+    let measures = asked.iter().filter_map(|text| Measure::parse(MeasureOf::Summary, text).ok());
     measures.map(|measure| Column::new(measure.name(), measure.number.kind))
 }
 
@@ -160,7 +173,7 @@ impl Measures {
         let mut measures = Self::default();
         for (i, text) in asked.iter().enumerate() {
             let wrong = |why| (i, why);
-            let measure = Measure::parse(text).map_err(wrong)?;
+            let measure = Measure::parse(MeasureOf::Summary, text).map_err(wrong)?;
             let key = (measure.offer.name, measure.place_set());
             let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
             if at == found.len() {
@@ -228,7 +241,8 @@ mod tests {
             ("pulses.v_peak@forward", "pulses.v_peak_m_s@forward"),
             ("spectrum.peak_hz@12", "spectrum.peak_hz@12"),
         ] {
-            assert_eq!(Measure::parse(text).map(|measure| measure.name()), Ok(name.to_owned()));
+            let parsed = Measure::parse(MeasureOf::Summary, text);
+            assert_eq!(parsed.map(|measure| measure.name()), Ok(name.to_owned()));
         }
     }
 
@@ -244,7 +258,7 @@ mod tests {
             ("forces.peak_n", "found no place; allowed: `forces.peak_n@…`, @12 for a bead"),
             ("pulses.bead@up", "found @up; allowed: @forward, @backward"),
         ] {
-            let said = check(text, None).expect_err(text);
+            let said = check(MeasureOf::Summary, text, None).expect_err(text);
             assert!(said.contains(says), "{text}: {said}");
         }
     }

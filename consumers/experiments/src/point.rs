@@ -1,12 +1,14 @@
 //! The analyses that look at the frames of a point.
 
 use crate::measures::Measures;
+use crate::series::SeriesSums;
 use analyses::energies::EnergyAnalysis;
 use analyses::pulses::PulseAnalysis;
 use consumers::analysis::{Analysis, Beginning, LastRow, Number, Settings};
 use consumers::energies::Energies;
 use consumers::pulses::{Direction, Measured, Pulse, Pulses};
 use consumers::table::Cell;
+use producer::sweep::{MeasureOf, Sweep};
 use schemas::frame::{Frame, FrameSink};
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
@@ -20,6 +22,9 @@ pub(crate) struct PointAnalyses {
     pub(crate) leading: [Leading; 2],
     /// The numbers that the sweep asks for beside.
     measures: Measures,
+    measure_from_s: f64,
+    /// The columns over time that it asks for.
+    series: SeriesSums,
     /// The last state, `[u | v | extra]`, and its step.
     pub(crate) state: Vec<f64>,
     pub(crate) step: u64,
@@ -29,26 +34,28 @@ impl PointAnalyses {
     /// The analyses that every sweep has.
     const STANDARD: [&str; 2] = ["energies", "pulses"];
 
-    /// Begins to look at the run of `manifest`, also for the numbers of other analyses that are `asked` for.
+    /// Begins to look at the run of `manifest` as a point of `sweep`.
     ///
     /// # Errors
-    /// As [`Measures::new`].
-    pub(crate) fn new(
-        manifest: &RunManifest,
-        split_bead: Option<u64>,
-        asked: &[String],
-    ) -> Result<Self, (usize, String)> {
+    /// The key of what is asked for in vain, and what is wrong with it.
+    pub(crate) fn new(sweep: &Sweep, manifest: &RunManifest) -> Result<Self, (String, String)> {
+        let of = |kind: MeasureOf| move |(place, why)| (kind.key(place), why);
         let mut settings = Settings::default();
-        if let (Some(bead), Some(setting)) = (split_bead, analyses::energies::OFFER.settings.first()) {
+        if let (Some(bead), Some(setting)) = (sweep.split_bead(), analyses::energies::OFFER.settings.first())
+        {
             // a whole number is one
             let _ = settings.set(setting, vec![bead.to_string()]);
         }
         let beginning = Beginning::whole(Self::STANDARD[0], manifest, &settings);
         Ok(Self {
-            energies: EnergyAnalysis::begin(&beginning).map_err(|refusal| (0, refusal.to_string()))?,
+            energies: EnergyAnalysis::begin(&beginning)
+                .map_err(|refusal| ("split_bead".to_owned(), refusal.to_string()))?,
             pulses: PulseAnalysis::new(&beginning),
             leading: [Direction::Forward, Direction::Backward].map(Leading::new),
-            measures: Measures::new(asked, &Self::STANDARD, manifest)?,
+            measures: Measures::new(sweep.measure(), &Self::STANDARD, manifest)
+                .map_err(of(MeasureOf::Summary))?,
+            measure_from_s: sweep.measure_from_s(),
+            series: SeriesSums::new(sweep, manifest).map_err(of(MeasureOf::Rows))?,
             state: Vec::new(),
             step: 0,
         })
@@ -87,10 +94,11 @@ impl PointAnalyses {
         }
     }
 
-    /// The values that the sweep asks for, after [`Self::finish`].
+    /// The values that the sweep asks for, also over time, after [`Self::finish`].
     pub(crate) fn measured(&mut self, manifest: &RunManifest) -> Vec<Cell> {
         let measures = std::mem::take(&mut self.measures);
-        measures.finish(&self.last_frame(manifest), |analysis, name, word| self.value(analysis, name, word))
+        let value = |analysis: &str, name: &str, word: Option<&str>| self.value(analysis, name, word);
+        measures.finish(&self.last_frame(manifest), value).into_iter().chain(self.series.cells()).collect()
     }
 
     /// The front of the last state.
@@ -113,7 +121,10 @@ impl FrameSink for PointAnalyses {
         self.energies.observe(frame, &mut LastRow::default());
         self.pulses.observe(frame, &mut LastRow::default());
         self.take_pulses();
-        self.measures.observe(frame);
+        if frame.time_s >= self.measure_from_s {
+            self.measures.observe(frame);
+        }
+        self.series.observe(frame);
         self.step = frame.step;
         self.state.clear();
         for part in [frame.u_m, frame.v_m_s, frame.extra] {

@@ -148,10 +148,9 @@ impl<'a> Begun<'a> {
         };
         let manifest = RunManifest::of(physics, &config, &format!("point-{index:06}"), origin.clone())?;
         signals.at.begin(&manifest);
-        let analyses = match PointAnalyses::new(&manifest, sweep.split_bead(), sweep.measure()) {
+        let analyses = match PointAnalyses::new(sweep, &manifest) {
             Ok(analyses) => analyses,
-            Err((place, message)) => {
-                let key = format!("measure[{place}]");
+            Err((key, message)) => {
                 let error = ConfigError { path: None, line: None, key, message };
                 return Ok(Err(impossible(sweep, &parameters, error)));
             }
@@ -492,8 +491,7 @@ mod tests {
         let sweep = sweep(text);
         let point = sweep.point(0).expect("point");
         let manifest = RunManifest::new(&point.config, "point", origin()).expect("valid");
-        let mut analyses =
-            PointAnalyses::new(&manifest, None, &[]).unwrap_or_else(|(_, why)| panic!("{why}"));
+        let mut analyses = PointAnalyses::new(&sweep, &manifest).unwrap_or_else(|(_, why)| panic!("{why}"));
         let failed = Err("bead 3 is not finite".to_owned());
         let cells = results(&sweep, &manifest, &mut analyses, &failed).cells(&point.parameters);
         let columns = columns(&sweep);

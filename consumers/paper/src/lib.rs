@@ -15,7 +15,6 @@ pub mod cache;
 mod crossing;
 mod deform;
 mod energies;
-mod fit;
 mod front;
 mod heavy;
 mod judgement;

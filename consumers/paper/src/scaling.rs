@@ -1,11 +1,11 @@
 //! Amplitude and width of the stationary pulse against α − 1.
 
-use super::fit::PowerLaw;
 use super::front::Front;
 use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
 use super::runs::long;
 use super::study::{Claim, Study};
+use consumers::power_law::PowerLaw;
 use consumers::theory::{GaussianLimit, SolitaryWave};
 use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};

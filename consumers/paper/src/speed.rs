@@ -1,13 +1,13 @@
 //! The speed of the pulse against eq. (vf).
 
 use super::deform::{ALPHAS, against_reference};
-use super::fit::PowerLaw;
 use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{Observations, Observed};
 use super::passing::{Passed, both_steps, pulses_of_table};
 use super::reference::{LIGHT_PULSES, SOLITARY_WAVE};
 use super::runs::{Run, homogeneous, light};
 use super::study::{Claim, Study};
+use consumers::power_law::PowerLaw;
 use consumers::pulses::Passage;
 use consumers::theory::{Coefficients, ContinuumWave, SolitaryWave, WaveError};
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};

@@ -1,12 +1,12 @@
 //! Transient of a pulse near α = 1, and the stationary pulse.
 
-use super::fit::PowerLaw;
 use super::front::Front;
 use super::judgement::{Judgement, Number, StudyError, Verdict};
 use super::observe::{KeptFrame, Observations, Observed};
 use super::runs::long;
 use super::scaling::{FROM_PATH, stationary};
 use super::study::{Claim, Study};
+use consumers::power_law::PowerLaw;
 use consumers::theory::GaussianLimit;
 use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Panel, Stroke};

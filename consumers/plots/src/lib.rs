@@ -16,7 +16,8 @@ pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
 pub use pulses::pulses;
 pub use tables::{
-    Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
+    Band, HeatMap, TableCurve, TableFigure, TableFit, TablePanel, TablePoint, column_label, heat_map,
+    table_curves,
 };
 
 use consumers::contacts::{COMPRESSED, Class, OPEN, TOUCHING};

@@ -6,8 +6,9 @@ mod labels;
 pub use heat::{HeatMap, heat_map};
 pub use labels::column_label;
 
+use consumers::power_law::PowerLaw;
 use consumers::statistics::Statistics;
-use figure::{Axis, Colour, Curve, Figure, Mark, Panel};
+use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 /// Contents of a band around a curve, which also decide the curve's middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +26,38 @@ pub struct TableCurve {
     pub label: String,
     /// Its points, by rising x.
     pub points: Vec<TablePoint>,
+    /// The power law through some of them.
+    pub fit: Option<TableFit>,
+}
+
+/// A power law through points from one x to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableFit {
+    /// The law.
+    pub law: PowerLaw,
+    /// The first and the last x.
+    pub ends: [f64; 2],
+}
+
+impl TableFit {
+    /// The law through points with x in `stretch`; none through fewer than three. Points are weighted by their standard errors where all have one.
+    pub fn of(points: &[TablePoint], stretch: (f64, f64)) -> Option<Self> {
+        let used = points.iter().filter(|point| (stretch.0..=stretch.1).contains(&point.x));
+        let used: Vec<_> =
+            used.map(|point| (point.x, point.found.mean, point.found.standard_error)).collect();
+        let ends = [used.first()?.0, used.last()?.0];
+        PowerLaw::through(&used).map(|law| Self { law, ends })
+    }
+
+    /// The exponent with its error: `−2.01 ± 0.05`.
+    pub fn words(&self) -> String {
+        let PowerLaw { exponent, exponent_error, .. } = self.law;
+        // two digits of the error
+        let digits = (1.0 - exponent_error.log10().floor()).clamp(0.0, 9.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 9")]
+        let digits = digits as usize;
+        format!("{exponent:.digits$} ± {exponent_error:.digits$}").replace('-', "−")
+    }
 }
 
 /// The values at one x.
@@ -47,6 +80,13 @@ pub struct TablePanel {
     pub curves: Vec<TableCurve>,
     /// A short text inside the panel: how many rows have no value.
     pub note: String,
+}
+
+impl TablePanel {
+    /// Finds the law of each curve, as [`TableFit::of`].
+    pub fn fit(&mut self, stretch: (f64, f64)) {
+        self.curves.iter_mut().for_each(|curve| curve.fit = TableFit::of(&curve.points, stretch));
+    }
 }
 
 /// Panels over one x axis.
@@ -79,6 +119,11 @@ pub fn table_curves(table: &TableFigure) -> Figure {
             // of several panels the first names the curves
             let label = if place == 0 { curve.label.as_str() } else { "" };
             panel = panel.curve(drawn(label, curve, table));
+        }
+        for (curve, TableFit { law, ends }) in curves.iter().filter_map(|curve| Some((curve, curve.fit?))) {
+            let name = format!("{} as x^{{{}}}", curve.label, TableFit { law, ends }.words());
+            let line = ends.map(|x| (x, law.at(x)));
+            panel = panel.curve(Curve::line(name.trim(), line).stroke(Stroke::Dashed).colour(Colour::Black));
         }
         let points = curves.iter().flat_map(|curve| &curve.points);
         let of_fewer = points.filter(|point| point.is_of_fewer);

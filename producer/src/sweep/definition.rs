@@ -2,16 +2,17 @@
 
 mod over;
 mod sample;
+mod series;
 
 pub(super) use over::Over;
 pub(super) use sample::Samples;
+pub use series::Series;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
 use super::values::Range;
-use super::{index_of, measure_key};
+use super::{Hooks, MeasureOf, index_of};
 use schemas::config::{ConfigError, line_at};
-use schemas::manifest::RunManifest;
 use schemas::presets::{PRESETS, Preset};
 use schemas::spelling::did_you_mean;
 use serde::Deserialize;
@@ -125,6 +126,10 @@ pub(super) struct Definition {
     pub(super) measure: Vec<String>,
     /// The lines of these columns.
     measure_lines: Vec<usize>,
+    /// The time (s) from which these look at frames.
+    pub(super) measure_from_s: f64,
+    /// Columns of analyses over time.
+    pub(super) series: Series,
 }
 
 /// A sweep file being read.
@@ -133,7 +138,7 @@ struct Reader<'a> {
     path: &'a Path,
 }
 
-const KNOWN: [&str; 11] = [
+const KNOWN: [&str; 13] = [
     "base",
     "grid",
     "case",
@@ -145,6 +150,8 @@ const KNOWN: [&str; 11] = [
     "check",
     "split_bead",
     "measure",
+    "measure_from_s",
+    "series",
 ];
 
 impl Definition {
@@ -180,30 +187,34 @@ impl Definition {
             split_bead: reader.option(document.get("split_bead"), "split_bead", "the number of a bead")?,
             measure,
             measure_lines,
+            measure_from_s: reader.measure_from_s(document.get("measure_from_s"))?,
+            series: reader.series(document.get("series"))?,
         })
     }
 
-    /// Replaces the entries of `measure` by their whole names, which `check` knows, and refuses unknown ones.
-    pub(super) fn name_measures(
-        &mut self,
-        path: &Path,
-        check: impl Fn(&str, Option<&RunManifest>) -> Result<String, String>,
-    ) -> Result<(), ConfigError> {
-        for (place, line) in self.measure_lines.iter().enumerate() {
-            let named = check(&self.measure[place], None).and_then(|name| {
-                let is_twice = self.measure[..place].contains(&name);
-                if is_twice {
-                    Err(format!("found `{name}` twice; allowed: each column once"))
-                } else {
-                    Ok(name)
-                }
-            });
-            self.measure[place] = named.map_err(|message| ConfigError {
-                path: Some(path.to_owned()),
-                line: Some(*line),
-                key: measure_key(place),
-                message,
-            })?;
+    /// Replaces the entries of `measure`, and of that of `[series]`, by their whole names, which the hooks know, and refuses unknown ones.
+    pub(super) fn name_measures(&mut self, path: &Path, hooks: &Hooks) -> Result<(), ConfigError> {
+        let series = &mut self.series;
+        for (kind, names, lines) in [
+            (MeasureOf::Summary, &mut self.measure, &self.measure_lines),
+            (MeasureOf::Rows, &mut series.measure, &series.lines),
+        ] {
+            for (place, line) in lines.iter().enumerate() {
+                let named = (hooks.measure)(kind, &names[place], None).and_then(|name| {
+                    let is_twice = names[..place].contains(&name);
+                    if is_twice {
+                        Err(format!("found `{name}` twice; allowed: each column once"))
+                    } else {
+                        Ok(name)
+                    }
+                });
+                names[place] = named.map_err(|message| ConfigError {
+                    path: Some(path.to_owned()),
+                    line: Some(*line),
+                    key: kind.key(place),
+                    message,
+                })?;
+            }
         }
         Ok(())
     }
@@ -307,10 +318,21 @@ impl Reader<'_> {
             return Err(self.refuse(value.span().start, "measure", found));
         };
         let entry = |(place, entry): (usize, &Located<'_>)| {
-            let name: Option<String> = self.option(Some(entry), &measure_key(place), "a text in quotes")?;
+            let key = MeasureOf::Summary.key(place);
+            let name: Option<String> = self.option(Some(entry), &key, "a text in quotes")?;
             Ok((name.unwrap_or_default(), line_at(self.text, entry.span().start)))
         };
         list.iter().enumerate().map(entry).collect()
+    }
+
+    fn measure_from_s(&self, value: Option<&Located<'_>>) -> Result<f64, SweepError> {
+        let (key, allowed) = ("measure_from_s", "a time (s) of 0 or more");
+        let from_s: f64 = self.option(value, key, allowed)?.unwrap_or(0.0);
+        if from_s >= 0.0 && from_s.is_finite() {
+            return Ok(from_s);
+        }
+        let start = value.map_or(0, |value| value.span().start);
+        Err(self.refuse(start, key, format!("found {from_s}; allowed: {allowed}")))
     }
 
     /// The `[base]` table over the preset or the file that it names.

@@ -28,6 +28,12 @@ impl Sweep {
         if !self.measure().is_empty() {
             hash.update(format!("measure {:?}\n", self.measure()));
         }
+        if self.measure_from_s() > 0.0 {
+            hash.update(format!("measure from {}\n", self.measure_from_s()));
+        }
+        if !self.series().measure.is_empty() {
+            hash.update(format!("series {}\n", self.series().meaning()));
+        }
         for case in cases {
             let settings: Vec<_> = case.iter().map(|set| format!("{} = {}", set.key, set.value)).collect();
             hash.update(format!("case {}\n", settings.join(", ")));

@@ -9,11 +9,13 @@ use crate::display::{self, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_places, extension};
 use crate::report::{Rows, report};
+use crate::sweep;
 use choice::{Choice, Drawn};
-use columns::{Columns, Values};
+use columns::{Columns, NOT_SET, Values};
 use gaps::Gaps;
 use plots::{
-    Band, HeatMap, TableCurve, TableFigure, TablePanel, TablePoint, column_label, heat_map, table_curves,
+    Band, HeatMap, TableCurve, TableFigure, TableFit, TablePanel, TablePoint, column_label, heat_map,
+    table_curves,
 };
 use producer::sweep::Sweep;
 use serde_json::json;
@@ -36,6 +38,7 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_out(path, &choice));
     check_figures(std::slice::from_ref(&out), args.look)?;
     check_places(&[&out], &args.frames)?;
+    let mut fits = Vec::new();
     let (figure, gaps) = match &choice.drawn {
         Drawn::Heat { heat } => {
             let (map, gaps) = heat_of(args, path, &columns, &choice, heat)?;
@@ -43,6 +46,7 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         }
         Drawn::Curves { by } => {
             let (figure, gaps) = curves_of(args, path, &columns, &choice, by.as_deref())?;
+            fits = fits_in(&figure);
             (table_curves(&figure), gaps)
         }
     };
@@ -58,6 +62,15 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         "heat": choice.heat(),
         "averaged_over": choice.averaged,
         "log": log,
+        "fits": fits.iter().map(|(column, curve, fit)| json!({
+            "column": column,
+            "curve": curve,
+            "exponent": fit.law.exponent,
+            "error": fit.law.exponent_error,
+            "prefactor": fit.law.prefactor,
+            "from": fit.ends[0],
+            "to": fit.ends[1],
+        })).collect::<Vec<_>>(),
         "left_out": gaps,
         "figures": [&out],
     });
@@ -81,12 +94,28 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         if !log.is_empty() {
             rows.add("logarithmic", said(&log.join(", "), args.log.is_empty()));
         }
+        let exponent = |(column, curve, fit): &Fitted| {
+            let of = [column.as_str(), curve].into_iter().filter(|name| !name.is_empty());
+            format!("{}: {}", of.collect::<Vec<_>>().join(", "), fit.words())
+        };
+        rows.each("exponent", fits.iter().map(exponent));
         let left_out = gaps.iter().filter_map(|gaps| Some(format!("{}: {}", gaps.column, gaps.words()?)));
         rows.each("left out", left_out);
         rows.add("figure", out.display());
         rows.under(format_args!("plot of {}", path.display()))
     })?;
     Ok(Done::Whole)
+}
+
+/// A power law that a figure has, the column and the name of its curve.
+type Fitted = (String, String, TableFit);
+
+/// The laws that a figure has.
+fn fits_in(figure: &TableFigure) -> Vec<Fitted> {
+    let curves = figure.panels.iter().flat_map(|panel| panel.curves.iter().map(move |curve| (panel, curve)));
+    let found =
+        curves.filter_map(|(panel, curve)| Some((panel.column.clone(), curve.label.clone(), curve.fit?)));
+    found.collect()
 }
 
 /// Refuses flags that only have a meaning for frames.
@@ -150,8 +179,9 @@ const MOST_COMPARED: u64 = 2000;
 
 /// The parameters that all runs of a sweep have in common, if the table lies in its directory and they are not too many.
 fn of_sweep(path: &Path) -> Option<String> {
-    let is_ours = path.file_stem().is_some_and(|stem| stem == "results" || stem == "ensemble");
-    let file = crate::sweep::file_in(path.parent()?).filter(|_| is_ours)?;
+    let is_ours =
+        path.file_stem().is_some_and(|stem| sweep::TABLES.iter().flatten().any(|name| stem == *name));
+    let file = sweep::file_in(path.parent()?).filter(|_| is_ours)?;
     // what it names may lie elsewhere: the figure is the same without these words
     let sweep = Sweep::read(&file, experiments::HOOKS).ok()?;
     let count = sweep.point_count();
@@ -215,7 +245,13 @@ fn curves_of(
     });
     let (mut panels, mut gaps) = (Vec::new(), Vec::new());
     for y in &choice.y {
-        let (panel, left_out) = panel_of(columns, choice, (y, by), band)?;
+        let (mut panel, left_out) = panel_of(columns, choice, (y, by), band)?;
+        if let Some(stretch) = args.fit {
+            panel.fit(stretch);
+            if panel.curves.iter().all(|curve| curve.fit.is_none()) {
+                return Err(bad_input!("--fit needs three points above 0 of a curve of {y}"));
+            }
+        }
         panels.push(panel);
         gaps.push(left_out);
     }
@@ -260,7 +296,7 @@ fn panel_of(
         _ => vec![String::new()],
     };
     let mut curves: Vec<TableCurve> =
-        labels.into_iter().map(|label| TableCurve { label, points: Vec::new() }).collect();
+        labels.into_iter().map(|label| TableCurve { label, points: Vec::new(), fit: None }).collect();
     let values: Vec<Values> = groups.values().map(|rows| found.values(rows)).collect();
     let of_fewer = gaps.of_fewer(&values);
     for ((curve, Sortable(x)), (values, is_of_fewer)) in groups.keys().zip(values.iter().zip(of_fewer)) {
@@ -306,7 +342,7 @@ impl Ord for Sortable {
 fn named(column: &str, value: &str) -> String {
     let label = column_label(column);
     match label.strip_suffix(')').and_then(|label| label.rsplit_once(" (")) {
-        Some((name, unit)) => format!("{name} = {value}\u{a0}{unit}"),
-        None => format!("{label} = {value}"),
+        Some((name, unit)) if value != NOT_SET => format!("{name} = {value}\u{a0}{unit}"),
+        _ => format!("{label} = {value}"),
     }
 }

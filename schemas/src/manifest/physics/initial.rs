@@ -4,7 +4,7 @@ use super::arrays::larger;
 use super::check::check_positive;
 use super::{Physics, usize_of};
 use crate::bath::BOLTZMANN_J_K;
-use crate::config::{ConfigError, Gaussian, ModeShape, PlaneWave, Thermal};
+use crate::config::{ConfigError, End, Gaussian, ModeShape, PlaneWave, Thermal};
 use crate::drive::{Drive, Place, Quantity};
 use crate::functions::{Moment, exp, sine_cosine, two_product, two_sum};
 use crate::random::normal;
@@ -217,8 +217,19 @@ impl Physics {
         let (mut most, mut pushed_n) = (0.0, 0.0);
         let mut with = |overlap_m: f64| most = larger(most, overlap_m.abs());
         let initial = &self.initial;
-        initial.displacements_m.windows(2).for_each(|pair| with(pair[0] - pair[1]));
-        initial.displacements_m.iter().for_each(|u| with(*u));
+        let u_m = &initial.displacements_m;
+        u_m.windows(2).for_each(|pair| with(pair[0] - pair[1]));
+        if let (Some(first), Some(last)) = (u_m.first(), u_m.last()) {
+            match (self.ends.left, self.ends.right) {
+                // springs pull every bead that is not at its place
+                _ if !self.on_site.is_none() => u_m.iter().for_each(|u| with(*u)),
+                (End::Periodic, _) => with(last - first),
+                (left, right) => [(left, first), (right, last)]
+                    .into_iter()
+                    .filter(|(end, _)| *end == End::Fixed)
+                    .for_each(|(_, u)| with(*u)),
+            }
+        }
         initial.gaussian.iter().for_each(|bell| with(bell.displacement_m));
         initial.plane_wave.iter().for_each(|wave| with(wave.displacement_m));
         initial.mode.iter().for_each(|mode| with(mode.displacement_m));

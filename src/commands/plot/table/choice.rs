@@ -135,11 +135,14 @@ impl Choice {
     }
 }
 
-/// The axes that are logarithmic: those asked for, else those with a swept column whose values follow each other by the
+/// The axes that are logarithmic: those asked for, else both for a power law, else those with a swept column whose values follow each other by the
 /// logarithm.
 fn log(args: &PlotArgs, columns: &Columns, axes: [Option<&str>; 2]) -> Result<[bool; 2], Failure> {
     if !args.log.is_empty() {
         return Ok([AxisArg::X, AxisArg::Y].map(|axis| args.log.contains(&axis)));
+    }
+    if args.fit.is_some() {
+        return Ok([true; 2]);
     }
     let swept = columns.swept();
     let mut log = [false; 2];

@@ -9,6 +9,9 @@ use std::path::Path;
 /// Prefix of the first column of each result in an ensemble's table.
 const MEAN: &str = "mean_";
 
+/// The name of a value that there is not.
+pub(super) const NOT_SET: &str = "not set";
+
 /// A table in memory.
 #[derive(Debug)]
 pub(super) struct Columns(Vec<read::Values>);
@@ -61,6 +64,10 @@ impl Columns {
         let is_sweep = names().next() == Some("index");
         if is_sweep && names().any(is_first_result) {
             return names().skip(1).take_while(|name| !is_first_result(name)).collect();
+        }
+        // rows over time
+        if let Some(time) = names().position(|name| name == "time_s").filter(|_| is_sweep) {
+            return names().take(time + 1).skip(1).collect();
         }
         names().filter(|name| *name != "index").take(1).collect()
     }
@@ -234,6 +241,6 @@ fn text(cell: &Cell) -> String {
         }
         Cell::Double(value) => value.to_string(),
         Cell::Word(word) => word.clone(),
-        Cell::Empty => "not set".to_owned(),
+        Cell::Empty => NOT_SET.to_owned(),
     }
 }

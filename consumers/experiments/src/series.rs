@@ -1,0 +1,157 @@
+//! Columns of the rows of analyses over time: `[series]` of a sweep file.
+//!
+//! The row of a point has their means in intervals of time behind its other cells: for each interval the mean time of its frames and the
+//! mean of each column. Tables have a line for each interval instead.
+
+use crate::measures::Measure;
+use consumers::analysis::{Analysis, LastRow};
+use consumers::table::{Cell, Column, Kind};
+use producer::sweep::{MeasureOf, Sweep};
+use schemas::frame::Frame;
+use schemas::manifest::RunManifest;
+
+/// The column with the mean time of the frames of an interval.
+const TIME: &str = "time_s";
+
+/// The columns of one interval; none where the sweep asks for no column over time.
+fn names(sweep: &Sweep) -> Vec<&str> {
+    let measure = &sweep.series().measure;
+    let time = (!measure.is_empty()).then_some(TIME);
+    time.into_iter().chain(measure.iter().map(String::as_str)).collect()
+}
+
+/// The columns of all intervals, in the order of their cells in a row.
+pub(crate) fn columns(sweep: &Sweep) -> impl Iterator<Item = Column> {
+    let names = names(sweep);
+    (0..sweep.series().count).flat_map(move |interval| {
+        let of = |name: &&str| Column::new(format!("{name}[{interval}]"), Kind::Double);
+        names.iter().map(of).collect::<Vec<_>>()
+    })
+}
+
+/// The analyses that look at the frames of a run for their rows, and the sums of these.
+#[derive(Default)]
+pub(crate) struct SeriesSums {
+    /// Each analysis and place once.
+    looking: Vec<Box<dyn Analysis>>,
+    /// For each column which of these, and the place in its rows.
+    columns: Vec<(usize, usize)>,
+    edges_s: Vec<f64>,
+    /// Number of frames, and sums of the time and of each column, in each interval.
+    sums: Vec<(f64, Vec<f64>)>,
+}
+
+impl SeriesSums {
+    /// Begins to look at the run of `manifest`.
+    ///
+    /// # Errors
+    /// The place in the list and what is wrong with it.
+    pub(crate) fn new(sweep: &Sweep, manifest: &RunManifest) -> Result<Self, (usize, String)> {
+        let mut found: Vec<(&str, Option<&str>)> = Vec::new();
+        let mut series = Self::default();
+        for (i, text) in sweep.series().measure.iter().enumerate() {
+            let wrong = |why| (i, why);
+            let measure = Measure::parse(MeasureOf::Rows, text).map_err(wrong)?;
+            let key = (measure.offer.name, measure.place_set());
+            let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
+            if at == found.len() {
+                found.push(key);
+                series.looking.push(measure.begin(manifest, false).map_err(wrong)?);
+            }
+            let names = measure.offer.published(&*series.looking[at]).map(|published| published.names);
+            let place = names.and_then(|names| names.split(',').position(|name| name == measure.number.name));
+            let place =
+                place.ok_or_else(|| wrong(format!("found {text}; allowed: columns that this run has")))?;
+            series.columns.push((at, place));
+        }
+        series.edges_s = sweep.series_edges_s(manifest).map_err(|why| (0, why))?;
+        let intervals = series.edges_s.len().saturating_sub(1);
+        series.sums = vec![(0.0, vec![0.0; series.columns.len() + 1]); intervals];
+        Ok(series)
+    }
+
+    pub(crate) fn observe(&mut self, frame: &Frame<'_>) {
+        let is_first = self.edges_s.first() == Some(&frame.time_s);
+        let end = self.edges_s.partition_point(|edge_s| *edge_s < frame.time_s);
+        let interval = if is_first { Some(0) } else { end.checked_sub(1) };
+        let rows = self.looking.iter_mut().map(|analysis| {
+            let mut row = LastRow::default();
+            analysis.observe(frame, &mut row);
+            row
+        });
+        let rows: Vec<LastRow> = rows.collect();
+        let Some((count, sums)) = interval.and_then(|interval| self.sums.get_mut(interval)) else { return };
+        let value = |(at, place): &(usize, usize)| {
+            rows[*at].values().and_then(|row| row.numbers().get(*place).copied()).unwrap_or(f64::NAN)
+        };
+        let values = [frame.time_s].into_iter().chain(self.columns.iter().map(value));
+        *count += 1.0;
+        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// The cells of all intervals: means, empty where there was no frame or a value does not exist.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = Cell> {
+        let mean = |count: f64, sum: f64| Some(sum / count).filter(|mean| mean.is_finite());
+        self.sums.iter().flat_map(move |(count, sums)| {
+            sums.iter().map(move |sum| mean(*count, *sum).map_or(Cell::Empty, Cell::Double))
+        })
+    }
+}
+
+/// The way from rows with all intervals to a line for each: what points share, the time, the rest.
+#[derive(Debug, Clone)]
+pub struct Lines {
+    /// Cells of a row that stand before the time, and those of it and beyond that stand behind.
+    head: [usize; 2],
+    /// Cells of a row before those of its intervals.
+    fixed: usize,
+    /// Cells of an interval, and those of them that are about its time.
+    width: usize,
+    time: usize,
+}
+
+impl Lines {
+    /// The lines of rows of `sweep`; none where it asks for no column over time.
+    pub fn of(sweep: &Sweep) -> Option<Self> {
+        let (width, parameters) = (names(sweep).len(), sweep.parameters().len());
+        let fixed = crate::columns(sweep).len() - columns(sweep).count();
+        (width > 0).then_some(Self { head: [parameters; 2], fixed, width, time: 1 })
+    }
+
+    /// The lines of rows in which each number has become `cells` of them, the first of the intervals at `fixed`, behind what they share
+    /// and their count.
+    pub(crate) fn of_statistics(&self, shared: usize, fixed: usize, cells: usize) -> Self {
+        Self { head: [shared, shared + 1], fixed, width: self.width * cells, time: cells }
+    }
+
+    /// The cells, or columns, of a row that are not of an interval.
+    pub fn fixed<'a, T>(&self, row: &'a [T]) -> &'a [T] {
+        &row[..self.fixed]
+    }
+
+    /// True if the cell at `place` of a row is not of an interval.
+    pub(crate) fn is_fixed(&self, place: usize) -> bool {
+        place < self.fixed
+    }
+
+    /// The columns of lines, of rows with `columns`.
+    pub fn columns(&self, columns: &[Column]) -> Vec<Column> {
+        let mut line = self.line(columns, &columns[self.fixed..self.fixed + self.width]);
+        for column in &mut line {
+            column.name = column.name.strip_suffix("[0]").unwrap_or(&column.name).to_owned();
+        }
+        line[self.head[0]] = Column::new(TIME, Kind::Double);
+        line
+    }
+
+    /// The lines of a row: those of intervals with a time.
+    pub fn lines(&self, row: &[Cell]) -> impl Iterator<Item = Vec<Cell>> {
+        let intervals = row[self.fixed..].chunks(self.width).filter(|cells| cells[0] != Cell::Empty);
+        intervals.map(move |cells| self.line(row, cells))
+    }
+
+    fn line<T: Clone>(&self, row: &[T], interval: &[T]) -> Vec<T> {
+        let [before, head] = self.head;
+        [&row[..before], &interval[..1], &row[before..head], &interval[self.time..]].concat()
+    }
+}
