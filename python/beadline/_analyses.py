@@ -62,7 +62,7 @@ class Heat(Table):
 
     Attributes:
         profile: Table of the beads: temperature, current to the next bead, errors.
-green_kubo: Table of the lags: autocorrelation of the current of all contacts, conductivity up to the lag,
+        green_kubo: Table of the lags: autocorrelation of the current of all contacts, conductivity up to the lag,
             errors.
     """
 
@@ -376,8 +376,8 @@ class Analyses:
         ``kinetic_temperature_j`` (m·v², averaged over the beads).
 
         Args:
-            lag_s: Longest lag of green-kubo (s); by default a twentieth of the time that is looked at, at most 16384
-                frames.
+            lag_s: Longest lag of the conductivity from fluctuations (s); by default a twentieth of the time that is
+                looked at, at most 16384 frames.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.
@@ -402,7 +402,7 @@ class Analyses:
             lag_s: Longest lag (s); by default a tenth of the time that is looked at, or what small waves need for 0.3
                 of a ring, 0.15 of another chain.
             lags: Number of lags above 0; by default 20, fewer of more than 6000 beads.
-            origins_s: Time between two origins s (s); by default that between two lags.
+            origins_s: Time between two origins (s); by default that between two lags.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.

@@ -119,8 +119,7 @@ def of_tables(analysis: dict[str, Any]) -> str:
     first, *others = analysis["tables"]
     name = class_of(analysis)
     names = [one["flag"].replace("-", "_") for one in others]
-    attributes = "\n".join(wrapped(f"        {name}: {one['about']}.", 8) for name, one in zip(names, others, strict=True))
-    attributes = "\n".join("        " + line.strip() if i == 0 else line for i, line in enumerate(attributes.split("\n")))
+    attributes = "\n".join("        " + wrapped(f"{name}: {one['about']}.", 8) for name, one in zip(names, others, strict=True))
     flags = ", ".join(f"{name}: Table" for name in names)
     kept = "\n".join(f"        self.{name} = {name}" for name in names)
     return f'''

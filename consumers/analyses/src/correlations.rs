@@ -28,7 +28,7 @@ pub static OFFER: Offer = Offer {
         beadline correlations run.mcap --lag 50 --lags 10 --out correlations.csv\n  \
         beadline correlations live:hot --figure c.svg        while the run goes on\n\n\
         C(j, t) = <a_(i+j)(s+t)·a_i(s)> - <a_(i+j)>·<a_i> over places i and times s, for the stretch u_(i+1) - u_i of each contact, the momentum m·v \
-        and the energy of each bead (that of `beadline spreading`), in a run in equilibrium: leave out the beginning (--from). In a ring i is each bead. In a \
+        and the energy of each bead with half of that of its contacts, in a run in equilibrium: leave out the beginning (--from). In a ring i is each bead. In a \
         chain with ends i + j is in the middle half, and j goes up to a quarter of the beads, so that all distances have equally many pairs. Frames have to be evenly spaced; no pair \
         has a gap between. A run has one energy, and often one momentum: C lies below that of an infinite chain by the variance of these totals over N, and adds up to 0. \
         Sound moves away at ±c, heat stays in the middle (H. Spohn, J. Stat. Phys. 154 (2014) 1191, doi:10.1007/s10955-014-0933-y; S. G. Das and others, Phys. Rev. E 90 (2014) 012124, \
@@ -48,7 +48,7 @@ pub static OFFER: Offer = Offer {
         Setting::new(
             "origins",
             Takes::number("s", Allowed::AboveZero),
-            "Time between two origins s (s) [default: that between two lags]",
+            "Time between two origins (s) [default: that between two lags]",
         ),
     ],
     tables: &[TableFlag {
@@ -249,7 +249,6 @@ impl Analysis for Correlations {
         let found = self.found.as_ref()?;
         let mut report = Report { title: "correlations", ..Report::default() };
         let words = &mut report.words;
-        words.add("frames", self.sampling.count());
         words.add("origins", found.origins);
         let longest_s = found.lags_s.last().copied().unwrap_or_default();
         words.add("lags", format_args!("{} up to {}", found.lags_s.len() - 1, quantity(longest_s, "s")));

@@ -38,7 +38,7 @@ pub static OFFER: Offer = Offer {
     settings: &[Setting::new(
         "lag",
         Takes::number("s", Allowed::AboveZero),
-        "Longest lag of --green-kubo (s) [default: a twentieth of the time that is looked at, at most 16384 frames]",
+        "Longest lag of the conductivity from fluctuations (s) [default: a twentieth of the time that is looked at, at most 16384 frames]",
     )],
     tables: &[
         TableFlag { name: "out", help: "Table of the numbers in each frame" },

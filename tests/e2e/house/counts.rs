@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 75_250;
+const MOST_LINES: usize = 76_000;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -42,10 +42,10 @@ impl Distances {
 /// Sums over pairs of frames, the later of which is cut to the places that count: of products of their transforms and of the transforms.
 #[derive(Debug)]
 struct Sums {
-    /// Of each lag and field.
+    /// A spectrum for each lag and field.
     products: Vec<Complex<f64>>,
     early: Vec<Complex<f64>>,
-    /// Of each field.
+    /// A spectrum for each field.
     late: Vec<Complex<f64>>,
 }
 
@@ -224,7 +224,7 @@ impl Engine {
 pub(super) struct Found {
     pub(super) lags_s: Vec<f64>,
     pub(super) distances: Distances,
-    /// Of each lag, field and distance, with its error.
+    /// A correlation for each lag, field and distance, with its error.
     correlations: Vec<[f64; 2]>,
     pub(super) origins: u64,
     /// Speed of sound (beads/s) and its standard error.

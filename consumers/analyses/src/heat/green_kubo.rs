@@ -19,7 +19,7 @@ pub(super) struct GreenKubo {
     /// The first sample (W), until there is a second one.
     first_w: f64,
     windows: Option<Autocorrelation>,
-    /// Of each window: the autocorrelation (W²), its integral (W²s), the current (W).
+    /// Means over each window: the autocorrelation (W²), its integral (W²s), the current (W).
     blocks: Blocks,
 }
 
