@@ -15,7 +15,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("schemas/recorder", 450),
     ("producer", 7_700),
     ("consumers", 6_050),
-    ("consumers/analyses", 3_550),
+    ("consumers/analyses", 4_250),
     ("consumers/experiments", 1_420),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
@@ -23,7 +23,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_330),
     ("consumers/screen", 700),
-    ("consumers/waves", 1_400),
+    ("consumers/waves", 1_470),
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_230),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 75_250;
+const MOST_LINES: usize = 76_000;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
