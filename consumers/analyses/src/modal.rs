@@ -96,6 +96,9 @@ const OF_ALL: usize = 4;
 /// The most bands.
 const MOST_BANDS: usize = 64;
 
+/// The least part of the energy of equipartition that is drawn: far below it, a band has not begun to share.
+const LEAST_DRAWN: f64 = 1e-6;
+
 /// The bands that `text` names, of `count` modes, which it counts from 1 and the result from 0.
 fn bands_of(text: &str, count: usize) -> Result<Vec<Range<usize>>, String> {
     let allowed =
@@ -229,7 +232,7 @@ impl ModalAnalysis {
         self.bands.iter().zip(&self.band_curves).fold(panel, |panel, (band, curve)| {
             let sharing = band.end - if band.start > free { band.start } else { free };
             let per_mode = curve.curve(0).map(|(t, energy_j)| (t, energy_j / sharing as f64 / even_j));
-            let points: Vec<_> = per_mode.filter(|(t, value)| *t > 0.0 && *value > 0.0).collect();
+            let points: Vec<_> = per_mode.filter(|(t, value)| *t > 0.0 && *value > LEAST_DRAWN).collect();
             panel.line(format!("modes {} to {}", band.start + 1, band.end), points)
         })
     }

@@ -13,6 +13,7 @@ use producer::state::ChainState;
 use schemas::config::End;
 use schemas::frame::Frame;
 use schemas::presets::PRESETS;
+use schemas::term::{Spring, TermLaw};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -74,7 +75,8 @@ fn modal(rounds: u32, report: &mut Report) -> Result<(), Error> {
         let mut config = PRESETS[0].config();
         config.chain.impurities.clear();
         (config.chain.beads, config.ends.left, config.ends.right) = (1024, end, end);
-        config.load.precompression_n = 10.0;
+        config.chain.alpha = 1.0;
+        config.chain.bonds = Some([(TermLaw::Spring(Spring(1)), 1e5)].into_iter().collect());
         let manifest = manifest(&config)?;
         let v_m_s: Vec<f64> = (0..1024).map(|i| 1e-3 * f64::from(i * i % 7)).collect();
         let state = ChainState::starting_at(&manifest.physics, &vec![0.0; v_m_s.len()], &v_m_s);
