@@ -318,6 +318,7 @@ class Analyses:
         self,
         *,
         threshold_eta: float | None = None,
+        bands: str | None = None,
         from_s: float | None = None,
         until_s: float | None = None,
         every_step: bool = False,
@@ -326,16 +327,18 @@ class Analyses:
         """Energies of all linear modes: spectral entropy, effective number of modes, time of equipartition.
 
         Columns in each frame: ``modal_energy_j`` (energy of all modes), ``entropy`` (spectral entropy),
-        ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition).
+        ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition),
+        ``energy_modes_FIRST_LAST_j`` (energy of the modes of a band, with --bands).
 
         Args:
             threshold_eta: The η that counts as equipartition; by default 0.5.
+            bands: Bands of modes whose energies are columns: 1-4,5-8, or a number of equal ones.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Modal(*self._tables("modal", "spectrum", threshold_eta=threshold_eta, **part))
+        return Modal(*self._tables("modal", "spectrum", threshold_eta=threshold_eta, bands=bands, **part))
 
     def lyapunov(
         self,

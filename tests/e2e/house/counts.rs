@@ -13,9 +13,9 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 7_700),
+    ("producer", 7_810),
     ("consumers", 6_050),
-    ("consumers/analyses", 4_250),
+    ("consumers/analyses", 4_400),
     ("consumers/experiments", 1_420),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 76_000;
+const MOST_LINES: usize = 76_700;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
