@@ -4,6 +4,12 @@
 //! it. Producers and consumers must agree to the bit on the [`contact`] law, with its own [`power`]
 //! function, over a resolved [`chain`].
 
+#[cfg(not(unix))]
+compile_error!(
+    "Beadline needs a Unix system, on Windows WSL: it has no code for files' identities, locks, signals and terminals \
+     of Windows"
+);
+
 pub mod amounts;
 pub mod bath;
 pub mod beads;

@@ -6,9 +6,9 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 22] = [
-    ("the command", 14_150),
+    ("the command", 14_160),
     ("schemas", 8_850),
-    ("schemas/bus", 4_400),
+    ("schemas/bus", 4_580),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/source", 150),

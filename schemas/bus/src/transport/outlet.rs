@@ -3,7 +3,8 @@
 use super::backpressure::{Backpressure, Remedies};
 use super::services::{self, SliceService, check_schema, text_of};
 use super::wire::StateHeader;
-use super::{Bus, BusError, Ipc, room};
+use super::{Bus, Ipc, room};
+use crate::BusError;
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::ZeroCopySend;
