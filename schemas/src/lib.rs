@@ -5,10 +5,7 @@
 //! function, over a resolved [`chain`].
 
 #[cfg(not(unix))]
-compile_error!(
-    "Beadline needs a Unix system, on Windows WSL: it has no code for files' identities, locks, signals and terminals \
-     of Windows"
-);
+compile_error!("Beadline needs a Unix system, on Windows WSL: see `Other systems` in docs/DECISIONS.md");
 
 pub mod amounts;
 pub mod bath;

@@ -8,8 +8,9 @@ use std::fs;
 #[test]
 fn commands_that_need_live_streams_say_that_there_are_none() {
     let place = Place::new();
-    let of_the_bus = ["demo --out shock", "ls", "top", "top live:a --rate 2", "record live", "replay a.mcap"];
-    let of_a_live_run = ["energies live", "plot live:a --out a.svg", "export live:a --to csv", "view live:a"];
+    let of_the_bus =
+        ["demo --out shock", "ls", "top", "top live:a --rate 2", "record live --out a.mcap", "replay a.mcap"];
+    let of_a_live_run = ["energies live", "plot live:a --what velocity --out a.svg", "view live:a"];
     let of_consumers = ["run --no-record", "run --wait-for 2", "run --stall-timeout 30"];
     for words in of_the_bus.iter().chain(&of_a_live_run).chain(&of_consumers) {
         let ended =

@@ -25,11 +25,6 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Never {}
 
-/// Anything could lie in memory that is not shared.
-pub trait Element {}
-
-impl<T> Element for T {}
-
 /// Declares a type without a value.
 macro_rules! without_value {
     ($($name:ident)*) => { $(

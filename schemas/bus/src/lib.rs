@@ -7,8 +7,7 @@
 //! Without the feature `live` there is no bus: `absent.rs` takes the place of `transport.rs`, nobody gets a [`Bus`], and
 //! the compiler knows that code which needs one is never reached. So users of this crate are the same in both builds.
 //!
-//! Architecture invariant: nothing outside this crate names iceoryx2, and nothing outside `transport` in it. Nothing here
-//! prints.
+//! Architecture invariant: nothing outside this crate names iceoryx2. Nothing here prints.
 //!
 //! Signals: iceoryx2 is told to leave them alone, so the caller's handlers stay in charge; a flag in the
 //! options ends every wait.
@@ -21,9 +20,6 @@ mod values;
 pub use errors::{
     AttachError, BusError, LiveError, PublishError, ResultsError, RoomError, RootError, SharedSegmentError,
 };
-#[doc(hidden)]
-#[cfg(feature = "faults")]
-pub use transport::Remedies;
 pub use transport::{
     Bus, BusNotice, HeldState, LiveSource, ResultPublisher, ResultSubscriber, ResultsWatch, StatePublisher,
     list_runs, while_waiting,
@@ -36,6 +32,9 @@ pub use transport::{
 #[doc(hidden)]
 #[cfg(feature = "live")]
 pub use transport::{MAX_BUFFER, delivery};
+#[doc(hidden)]
+#[cfg(feature = "faults")]
+pub use values::Remedies;
 pub use values::{
     AttachNotice, AttachOptions, BORROWED, ConsumerEvent, ConsumerInfo, Delivery, PublishCounts,
     PublishOptions, ResultElement, ResultReceived, Row, RunInfo, RunState, StreamId, WaitOutcome, Waiting,

@@ -22,10 +22,7 @@ mod shared_segment;
 mod warden;
 mod wire;
 
-#[cfg(feature = "faults")]
-pub use backpressure::Remedies;
 pub use creating::while_waiting;
-pub(crate) use iceoryx2::prelude::ZeroCopySend as Element;
 pub use live::{HeldState, LiveSource};
 pub use publisher::StatePublisher;
 pub use results::{ResultPublisher, ResultSubscriber, ResultsWatch};

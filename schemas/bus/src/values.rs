@@ -1,6 +1,7 @@
 //! Values that pass between the bus and its users.
 
-use crate::transport::Element;
+#[cfg(feature = "live")]
+use iceoryx2::prelude::ZeroCopySend as Element;
 use schemas::frame::EndReason;
 use schemas::manifest::RunId;
 use schemas::results::RowValues;
@@ -80,6 +81,40 @@ impl StreamId {
     }
 }
 
+/// The remedies against known traps; tests switch one off to see that it is needed.
+#[cfg(feature = "live")]
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(feature = "faults"), expect(unreachable_pub, reason = "tests reach it"))]
+#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
+pub struct Remedies {
+    /// Clean up dead processes while blocked.
+    pub clean_while_blocked: bool,
+    /// Send a frame again when the send was interrupted by a signal.
+    pub resend: bool,
+    /// Hold no entry of the blackboard for longer than an update.
+    pub release_board: bool,
+    /// Update connections in the handshake.
+    pub connect_on_join: bool,
+    /// Pause between two looks at a full queue, so that no core is kept busy.
+    pub pause: bool,
+    /// Number of times that a delivered send of a frame is treated as interrupted; a fault for tests, not a remedy.
+    pub interruptions: u32,
+}
+
+#[cfg(feature = "live")]
+impl Default for Remedies {
+    fn default() -> Self {
+        Self {
+            clean_while_blocked: true,
+            resend: true,
+            release_board: true,
+            connect_on_join: true,
+            pause: true,
+            interruptions: 0,
+        }
+    }
+}
+
 /// Options for publishing a run.
 #[derive(Debug, Clone)]
 pub struct PublishOptions {
@@ -91,7 +126,7 @@ pub struct PublishOptions {
     pub stop: Arc<AtomicBool>,
     /// Remedies that tests switch off.
     #[cfg(feature = "faults")]
-    pub remedies: crate::transport::Remedies,
+    pub remedies: Remedies,
 }
 
 impl Default for PublishOptions {
@@ -101,7 +136,7 @@ impl Default for PublishOptions {
             stuck_after: Duration::from_secs(30),
             stop: Arc::default(),
             #[cfg(feature = "faults")]
-            remedies: crate::transport::Remedies::default(),
+            remedies: Remedies::default(),
         }
     }
 }
@@ -278,6 +313,13 @@ pub struct ConsumerInfo {
     /// Frames that the consumer has missed; none if it does not tell.
     pub missed: Option<u64>,
 }
+
+/// Anything could lie in memory that is not shared.
+#[cfg(not(feature = "live"))]
+pub trait Element {}
+
+#[cfg(not(feature = "live"))]
+impl<T> Element for T {}
 
 /// Element of a row: `f64` for numbers, `u8` for classes, one byte a contact.
 pub trait ResultElement: Copy + Debug + Element + Send + Sync + 'static {

@@ -8,7 +8,7 @@ use std::path::Path;
 pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("the command", 14_160),
     ("schemas", 8_850),
-    ("schemas/bus", 4_580),
+    ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/source", 150),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 75_250;
+const MOST_LINES: usize = 75_400;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -4,6 +4,7 @@ use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
 use super::wire::StateHeader;
 use super::{Bus, Ipc, process_of};
+use crate::values::Remedies;
 use crate::{ConsumerEvent, Delivery};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
@@ -22,38 +23,6 @@ const YIELDS: u64 = 50;
 impl Delivery {
     pub(super) fn of_name(name: &str) -> Self {
         if name.starts_with(Self::Lossless.as_str()) { Self::Lossless } else { Self::Latest }
-    }
-}
-
-/// The remedies against known traps; tests switch one off to see that it is needed.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(not(feature = "faults"), expect(unreachable_pub, reason = "tests reach it"))]
-#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
-pub struct Remedies {
-    /// Clean up dead processes while blocked.
-    pub clean_while_blocked: bool,
-    /// Send a frame again when the send was interrupted by a signal.
-    pub resend: bool,
-    /// Hold no entry of the blackboard for longer than an update.
-    pub release_board: bool,
-    /// Update connections in the handshake.
-    pub connect_on_join: bool,
-    /// Pause between two looks at a full queue, so that no core is kept busy.
-    pub pause: bool,
-    /// Number of times that a delivered send of a frame is treated as interrupted; a fault for tests, not a remedy.
-    pub interruptions: u32,
-}
-
-impl Default for Remedies {
-    fn default() -> Self {
-        Self {
-            clean_while_blocked: true,
-            resend: true,
-            release_board: true,
-            connect_on_join: true,
-            pause: true,
-            interruptions: 0,
-        }
     }
 }
 

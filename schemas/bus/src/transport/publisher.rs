@@ -2,7 +2,7 @@
 
 mod opening;
 
-use super::backpressure::{Backpressure, Remedies};
+use super::backpressure::Backpressure;
 use super::board::{BoardWriter, unix_ns};
 use super::delivery::Publishing;
 use super::outlet::wait_for_others;
@@ -10,6 +10,7 @@ use super::wire::{
     FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, Slots, StateHeader,
 };
 use super::{Bus, Ipc, services};
+use crate::values::Remedies;
 use crate::{ConsumerEvent, Delivery, PublishCounts, PublishError, PublishOptions, StreamId, WaitOutcome};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
