@@ -10,6 +10,7 @@ mod pages;
 mod recordings;
 mod relay;
 mod slurm;
+#[cfg_attr(not(feature = "live"), path = "args/absent.rs")]
 mod top;
 mod values;
 
@@ -281,6 +282,13 @@ pub(crate) struct RunArgs {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) overrides: Overrides,
+}
+
+impl RunArgs {
+    /// True if others can follow the run.
+    pub(crate) fn publishes(&self) -> bool {
+        bus::IS_THERE && !self.no_publish
+    }
 }
 
 /// Values that replace those of the configuration.

@@ -24,6 +24,7 @@ pub(crate) mod run;
 pub(crate) mod share;
 pub(crate) mod sweep;
 pub(crate) mod thin;
+#[cfg_attr(not(feature = "live"), path = "commands/absent.rs")]
 pub(crate) mod top;
 pub(crate) mod upload;
 pub(crate) mod verify;

@@ -318,7 +318,9 @@ impl Analysis for ModalAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let &[energy_j, entropy, effective, distance, mean_distance, ..] = &self.last[..] else { return None };
+        let &[energy_j, entropy, effective, distance, mean_distance, ..] = &self.last[..] else {
+            return None;
+        };
         let mean = self.effective_of_mean();
         let mut report = Report { title: "modal energies", ..Report::default() };
         let words = &mut report.words;

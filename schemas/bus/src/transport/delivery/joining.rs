@@ -1,7 +1,8 @@
 //! The handshake of a consumer with its producer.
 
 use super::LIVENESS_PERIOD;
-use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, RunStatus, STATE_RUNNING, StreamId};
+use crate::StreamId;
+use crate::transport::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, RunStatus, STATE_RUNNING};
 use schemas::manifest::RunId;
 use std::time::Instant;
 

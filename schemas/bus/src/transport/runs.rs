@@ -1,103 +1,17 @@
 //! Lists the runs on the bus.
 
-use super::backpressure::Delivery;
 use super::board::BoardReader;
 use super::position::Position;
 use super::services::{self};
 use super::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, STATE_RUNNING, STATE_WAITING};
-use super::{Bus, BusError, Ipc};
+use super::{Bus, Ipc};
+use crate::{BusError, ConsumerInfo, Delivery, RunInfo, RunState};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, Service as _};
 use schemas::manifest::{RunId, RunManifest};
 use schemas::results::{ResultsName, Topic};
 use schemas::run_name::RunName;
-use std::fmt;
 use std::time::{Duration, SystemTime};
-
-/// State of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RunState {
-    /// Waits for consumers before it starts.
-    Waiting,
-    /// Publishes frames.
-    Running,
-    /// Reached its last step.
-    Done,
-    /// Was asked to stop, and ended in order.
-    Interrupted,
-    /// Ended because of an error.
-    Failed,
-    /// Its producer was killed.
-    Dead,
-}
-
-impl RunState {
-    /// Word for the state.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Waiting => "waiting",
-            Self::Running => "running",
-            Self::Done => "done",
-            Self::Interrupted => "interrupted",
-            Self::Failed => "failed",
-            Self::Dead => "dead",
-        }
-    }
-}
-
-impl fmt::Display for RunState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
-
-/// One run, as `beadline ls` shows it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RunInfo {
-    /// Name of the run.
-    pub name: RunName,
-    /// Identity of the run.
-    pub run_id: RunId,
-    /// State of the run.
-    pub state: RunState,
-    /// The last frame published.
-    pub frame: Option<u64>,
-    /// The step of that frame.
-    pub step: u64,
-    /// Simulated time of that frame (s).
-    pub time_s: f64,
-    /// Time since the producer last wrote its status.
-    pub age: Duration,
-    /// Lossless consumers that are ready.
-    pub lossless: u64,
-    /// Consumers with [`Delivery::Latest`].
-    pub latest: u64,
-    /// Lossless consumers that were dropped.
-    pub evicted: u64,
-    /// Process of the producer.
-    pub pid: u64,
-    /// Steps of the whole run; none if its manifest cannot be read.
-    pub step_count: Option<u64>,
-    /// The remaining time at the mean speed since the first frame.
-    pub ends_in: Option<Duration>,
-    /// Consumers of the run.
-    pub consumers: Vec<ConsumerInfo>,
-}
-
-/// A consumer of a run.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ConsumerInfo {
-    /// Label of the consumer, `energies` for instance.
-    pub label: String,
-    /// Delivery that the consumer wants.
-    pub delivery: Delivery,
-    /// Process of the consumer, if its name tells it.
-    pub pid: Option<u64>,
-    /// Published frames that the consumer does not have yet; none if it does not tell.
-    pub lag_frames: Option<u64>,
-    /// Frames that the consumer has missed; none if it does not tell.
-    pub missed: Option<u64>,
-}
 
 impl ConsumerInfo {
     /// Makes the entry of a subscriber with a name like `lossless.energies.4711`.
@@ -119,11 +33,6 @@ impl ConsumerInfo {
 }
 
 impl RunInfo {
-    /// True if a consumer can attach.
-    pub fn is_live(&self) -> bool {
-        matches!(self.state, RunState::Waiting | RunState::Running)
-    }
-
     fn new(name: RunName, status: &RunStatus, alive: bool) -> Self {
         let state = match status.state {
             STATE_DONE => RunState::Done,

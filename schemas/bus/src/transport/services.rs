@@ -3,6 +3,7 @@
 use super::creating::Wanted;
 use super::wire::{JoinAnswer, JoinRequest, StateHeader};
 use super::{Bus, Ipc};
+use crate::{BORROWED, BusError};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{
     AttributeSpecifier, MessagingPattern, PortFactory as _, SemanticString as _, Service as _, ServiceName,
@@ -15,7 +16,7 @@ use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
 use iceoryx2::service::builder::request_response::{RequestResponseCreateError, RequestResponseOpenError};
 use iceoryx2::service::port_factory::{blackboard, event, publish_subscribe, request_response};
-use schemas::manifest::{SCHEMA_VERSION, SchemaVersion};
+use schemas::manifest::SCHEMA_VERSION;
 use schemas::results::Topic;
 use schemas::run_name::RunName;
 
@@ -30,8 +31,6 @@ pub(super) type BoardService = blackboard::PortFactory<Ipc, u64>;
 
 /// Most consumers of one topic; fewer for big frames when shared memory is short.
 pub(super) const MAX_SUBSCRIBERS: usize = 16;
-/// Samples that one consumer may hold at a time.
-pub const BORROWED: usize = 2;
 /// Length of the queue of a `latest` consumer; with a longer queue it would see older frames.
 pub(super) const LATEST_BUFFER: usize = 2;
 /// Most processes that have a service open.
@@ -177,69 +176,6 @@ impl BusError {
     pub(super) fn service(service: &str, doing: &'static str, cause: &dyn Debug) -> Self {
         Self::Service { service: service.to_owned(), doing, cause: format!("{cause:?}") }
     }
-}
-
-/// Why the bus cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum BusError {
-    /// The directory of the bus cannot be used.
-    #[error(transparent)]
-    Root(#[from] super::RootError),
-    /// This process could not register itself.
-    #[error("cannot register on the bus in {root}: {cause}; check that the directory is writable")]
-    Node {
-        /// Root of the bus.
-        root: String,
-        /// Error from iceoryx2.
-        cause: String,
-    },
-    /// The segment that all processes share cannot be used.
-    #[error(transparent)]
-    SharedSegment(#[from] super::SharedSegmentError),
-    /// Shared memory is short.
-    #[error(transparent)]
-    Room(#[from] super::RoomError),
-    /// The file of a long manifest cannot be written.
-    #[error("cannot write {path}, the manifest of the run")]
-    ManifestFile {
-        /// The file.
-        path: std::path::PathBuf,
-        /// Error from the system.
-        source: std::io::Error,
-    },
-    /// We were asked to stop while others held the lock.
-    #[error("stopped while other processes were starting")]
-    Stopped,
-    /// The lock cannot be taken, so nothing can be created on the bus.
-    #[error("cannot lock {path}: {cause}; see who holds it with `fuser {path}`")]
-    Locked {
-        /// The lock file.
-        path: std::path::PathBuf,
-        /// Cause of the failure.
-        cause: String,
-    },
-    /// A service could not be used.
-    #[error("cannot {doing} {service}: {cause}")]
-    Service {
-        /// Name of the service.
-        service: String,
-        /// Attempted action, `open` for instance.
-        doing: &'static str,
-        /// Error from iceoryx2.
-        cause: String,
-    },
-    /// A service has another schema version.
-    #[error(
-        "{service} has schema version {found}, this program speaks {expected}; use the same Beadline on both sides"
-    )]
-    Version {
-        /// Name of the service.
-        service: String,
-        /// Version of the service.
-        found: String,
-        /// Version of this program.
-        expected: SchemaVersion,
-    },
 }
 
 /// Limits of a `/state` or results service.

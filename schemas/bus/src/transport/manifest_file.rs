@@ -3,7 +3,8 @@
 //! The file lies in the root. Its name has the id of its producer's node, so that the next start removes the file of a
 //! killed producer.
 
-use super::{Bus, BusError, Ipc};
+use super::{Bus, Ipc};
+use crate::BusError;
 use iceoryx2::node::Node;
 use schemas::manifest::MAX_JSON_BYTES;
 use std::fs::{self, File};

@@ -1,12 +1,14 @@
 //! Registers a run on the bus.
 
-use super::{JoinServer, PublishCounts, PublishOptions, StatePublisher};
-use crate::board::{BoardReader, BoardWriter};
-use crate::delivery::Publishing;
-use crate::outlet::Opening;
-use crate::services::{self, check_schema, text_of};
-use crate::wire::{RunStatus, STATE_WAITING, Slots, StateHeader, StreamId, fill};
-use crate::{Bus, BusError, Ipc, chain_values, node_bytes, room};
+use super::{JoinServer, StatePublisher};
+use crate::Bus;
+use crate::transport::board::{BoardReader, BoardWriter};
+use crate::transport::delivery::Publishing;
+use crate::transport::outlet::Opening;
+use crate::transport::services::{self, check_schema, text_of};
+use crate::transport::wire::{RunStatus, STATE_WAITING, Slots, StateHeader, fill};
+use crate::transport::{Ipc, chain_values, node_bytes, room};
+use crate::{BusError, PublishCounts, PublishError, PublishOptions, StreamId};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::Publisher;
@@ -19,74 +21,6 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Longest time that a producer of the same name may take to vanish.
 const TAKE_OVER_PATIENCE: Duration = Duration::from_secs(1);
-
-/// Why a run cannot be published.
-#[derive(Debug, thiserror::Error)]
-pub enum PublishError {
-    /// Error of the bus.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// Another producer has this name.
-    #[error(
-        "run {name} is being published already: run id {run_id}, process {pid}; use another name, or end it"
-    )]
-    NameTaken {
-        /// The name.
-        name: RunName,
-        /// The other run.
-        run_id: RunId,
-        /// The other producer's process.
-        pid: u64,
-        /// Start of the other run.
-        started: SystemTime,
-    },
-    /// The manifest is so long that no consumer would read it.
-    #[error(transparent)]
-    ManifestTooLong(#[from] ManifestTooLong),
-    /// A frame has another number of values than the run's frames.
-    #[error("frame {frame} has {found} values, the run's frames have {expected}")]
-    Shape {
-        /// Number of the frame.
-        frame: u64,
-        /// Values expected.
-        expected: usize,
-        /// Values found.
-        found: usize,
-    },
-    /// A frame does not follow the one before it: consumers would take the gap for a loss.
-    #[error("frame {found} was published where frame {expected} was expected")]
-    Order {
-        /// Number of the expected frame.
-        expected: u64,
-        /// Number of the frame that came.
-        found: u64,
-    },
-    /// The run would wait for more consumers than can attach.
-    #[error(
-        "this run cannot wait for {asked} lossless consumers: at most {most} can attach (fewer when frames \
-         are large and shared memory is short); wait for {most} or fewer"
-    )]
-    TooManyConsumers {
-        /// Number of consumers to wait for.
-        asked: usize,
-        /// Most consumers that can be attached at a time.
-        most: usize,
-    },
-    /// We were asked to stop while a consumer held the run back; not every consumer got the frame.
-    #[error("stopped while a consumer held the run back at frame {frame}")]
-    Stopped {
-        /// Number of the frame.
-        frame: u64,
-    },
-    /// The frame could not be sent.
-    #[error("frame {frame} could not be sent: {cause}")]
-    Send {
-        /// Number of the frame.
-        frame: u64,
-        /// Error from iceoryx2.
-        cause: String,
-    },
-}
 
 impl StatePublisher {
     /// Registers the run under its name; consumers can attach from now on.

@@ -3,8 +3,9 @@
 use super::creating::{Wanted, root_of};
 use super::manifest_file::{self, ManifestFile};
 use super::services::{BoardService, MAX_SUBSCRIBERS, attributes, open, service_name, text_of};
-use super::wire::{MANIFEST_BYTES, ManifestText, RunStatus, StreamId};
-use super::{Bus, BusError, Ipc};
+use super::wire::{MANIFEST_BYTES, ManifestText, RunStatus};
+use super::{Bus, Ipc};
+use crate::{BusError, StreamId};
 use iceoryx2::node::Node;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};

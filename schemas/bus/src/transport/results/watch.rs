@@ -1,11 +1,11 @@
 //! Finds results as they come.
 
-use super::ResultsError;
 use super::subscriber::ResultSubscriber;
-use crate::backpressure::Delivery;
-use crate::runs::results_of;
-use crate::services;
-use crate::{Bus, BusError, Ipc};
+use crate::Bus;
+use crate::transport::Ipc;
+use crate::transport::runs::results_of;
+use crate::transport::services;
+use crate::{BusError, Delivery, ResultsError};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use schemas::results::Topic;

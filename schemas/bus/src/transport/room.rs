@@ -1,7 +1,9 @@
 //! Limits the shared memory that a run may touch, and checks that so much is free.
 
 use super::leftovers::SEGMENTS;
-use super::services::{BORROWED, Limits, MAX_SUBSCRIBERS};
+use super::services::{Limits, MAX_SUBSCRIBERS};
+use crate::errors::LEAST_BYTES;
+use crate::{BORROWED, RoomError};
 use rustix::fs::FallocateFlags;
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
@@ -18,56 +20,6 @@ const COMFORT_BYTES: u64 = 256 << 20;
 const OVERHEAD_BYTES: u64 = 512;
 /// Bytes of the small services of a run: blackboard, queues, tags.
 const FIXED_BYTES: u64 = 2 << 20;
-
-/// Bytes that a process needs to register itself and attach to a run.
-const LEAST_BYTES: u64 = 1 << 20;
-
-/// Why a run does not fit into shared memory.
-#[derive(Debug, thiserror::Error)]
-pub enum RoomError {
-    /// Too little is free.
-    #[error(
-        "publishing this run needs {needed_bytes} bytes of shared memory, {free_bytes} are free in {path}; \
-         free some, enlarge it (docker: --shm-size), or publish fewer beads"
-    )]
-    Full {
-        /// Directory of shared memory.
-        path: PathBuf,
-        /// Bytes that the run takes when it starts.
-        needed_bytes: u64,
-        /// Bytes that are free.
-        free_bytes: u64,
-    },
-    /// The system refused for another reason.
-    #[error("cannot take {needed_bytes} bytes of shared memory for {path}")]
-    Reserve {
-        /// The segment.
-        path: PathBuf,
-        /// Size of the segment.
-        needed_bytes: u64,
-        /// Error from the system.
-        source: std::io::Error,
-    },
-    /// Next to nothing is free.
-    #[error(
-        "using the bus needs {LEAST_BYTES} bytes of shared memory, {free_bytes} are free in {path}; \
-         free some, or enlarge it (docker: --shm-size)"
-    )]
-    Least {
-        /// Directory of shared memory.
-        path: PathBuf,
-        /// Bytes that are free.
-        free_bytes: u64,
-    },
-    /// The file system could not be asked.
-    #[error("cannot find out how much shared memory is free in {path}")]
-    Io {
-        /// Directory of shared memory.
-        path: PathBuf,
-        /// Error from the system.
-        source: std::io::Error,
-    },
-}
 
 /// Bytes free in shared memory.
 pub(super) fn free_bytes() -> Result<u64, RoomError> {

@@ -1,11 +1,14 @@
 //! Publishes rows of results.
 
-use super::{ResultElement, ResultsError, attributes_of, columns_of};
-use crate::backpressure::{Backpressure, Delivery, Remedies};
-use crate::outlet::{Opening, wait_for_others};
-use crate::services::{self, EventService, text_of};
-use crate::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, StreamId, fill};
-use crate::{Bus, BusError, Ipc, process_of};
+use super::{attributes_of, columns_of};
+use crate::Bus;
+use crate::transport::backpressure::Backpressure;
+use crate::transport::outlet::{Opening, wait_for_others};
+use crate::transport::services::{self, EventService, text_of};
+use crate::transport::wire::{FLAG_FOLLOWS, FLAG_LAST, StateHeader, fill};
+use crate::transport::{Ipc, process_of};
+use crate::values::Remedies;
+use crate::{BusError, Delivery, ResultElement, ResultsError, StreamId};
 use iceoryx2::node::Node;
 use iceoryx2::port::SendError;
 use iceoryx2::port::publisher::Publisher;

@@ -2,17 +2,16 @@
 
 mod opening;
 
-pub use opening::PublishError;
-
-use super::backpressure::{Backpressure, ConsumerEvent, Delivery, Remedies};
+use super::backpressure::Backpressure;
 use super::board::{BoardWriter, unix_ns};
 use super::delivery::Publishing;
 use super::outlet::wait_for_others;
 use super::wire::{
     FLAG_LAST, JoinAnswer, JoinRequest, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, Slots, StateHeader,
-    StreamId,
 };
 use super::{Bus, Ipc, services};
+use crate::values::Remedies;
+use crate::{ConsumerEvent, Delivery, PublishCounts, PublishError, PublishOptions, StreamId, WaitOutcome};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::Node;
 use iceoryx2::port::SendError;
@@ -31,32 +30,6 @@ const COUNT_PERIOD: Duration = Duration::from_millis(100);
 /// Longest wait of an idle producer before it looks around.
 const IDLE_WAIT: Duration = Duration::from_millis(50);
 
-/// Options for publishing a run.
-#[derive(Debug, Clone)]
-pub struct PublishOptions {
-    /// Number of the first frame that will be published.
-    pub first_frame: u64,
-    /// Longest time that a lossless consumer may take nothing before it is dropped. Default: 30 s.
-    pub stuck_after: Duration,
-    /// When set, a publish that is held back gives up with [`PublishError::Stopped`].
-    pub stop: Arc<AtomicBool>,
-    /// Remedies that tests switch off.
-    #[cfg(feature = "faults")]
-    pub remedies: Remedies,
-}
-
-impl Default for PublishOptions {
-    fn default() -> Self {
-        Self {
-            first_frame: 0,
-            stuck_after: Duration::from_secs(30),
-            stop: Arc::default(),
-            #[cfg(feature = "faults")]
-            remedies: Remedies::default(),
-        }
-    }
-}
-
 impl PublishOptions {
     #[cfg(feature = "faults")]
     fn remedies(&self) -> Remedies {
@@ -68,37 +41,6 @@ impl PublishOptions {
     fn remedies(&self) -> Remedies {
         Remedies::default()
     }
-}
-
-/// Result of a wait for consumers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WaitOutcome {
-    /// Enough lossless consumers are ready.
-    Ready,
-    /// We were asked to stop.
-    Stopped,
-    /// The time is over; this many are ready.
-    TimedOut {
-        /// Lossless consumers that are ready.
-        ready: usize,
-    },
-}
-
-/// Counts of a publisher's work so far.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PublishCounts {
-    /// Frames published.
-    pub frames: u64,
-    /// Lossless consumers that are ready.
-    pub lossless: usize,
-    /// Consumers with [`Delivery::Latest`].
-    pub latest: usize,
-    /// Lossless consumers dropped because they were stuck.
-    pub evicted: u64,
-    /// Frames sent again because a signal interrupted the first send.
-    pub resent: u64,
-    /// Time spent waiting for lossless consumers.
-    pub held_back: Duration,
 }
 
 type JoinServer = Server<Ipc, JoinRequest, (), JoinAnswer, ()>;

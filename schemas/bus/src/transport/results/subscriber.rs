@@ -1,11 +1,12 @@
 //! Receives rows of results.
 
-use super::{ResultElement, ResultsError, columns_of};
-use crate::backpressure::Delivery;
-use crate::delivery::{Following, Turn};
-use crate::services::{self, SliceService, check_schema, text_of};
-use crate::wire::{FLAG_FOLLOWS, FLAG_LAST, RunStatus, STATE_DONE, StateHeader, StreamId};
-use crate::{Bus, BusError, Ipc};
+use super::columns_of;
+use crate::Bus;
+use crate::transport::Ipc;
+use crate::transport::delivery::{Following, Turn};
+use crate::transport::services::{self, SliceService, check_schema, text_of};
+use crate::transport::wire::{FLAG_FOLLOWS, FLAG_LAST, RunStatus, STATE_DONE, StateHeader};
+use crate::{BusError, Delivery, ResultElement, ResultReceived, ResultsError, Row};
 use iceoryx2::node::Node;
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::listener::Listener;
@@ -21,39 +22,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 const WAIT: Duration = Duration::from_millis(50);
-
-/// One row of results, lent until the next call.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row<'a> {
-    /// The stream of frames it belongs to.
-    pub stream: StreamId,
-    /// The frame it belongs to.
-    pub frame: u64,
-    /// The step of that frame.
-    pub step: u64,
-    /// The time of that frame (s).
-    pub time_s: f64,
-    /// True if the row's publisher had rows before this one, received or not.
-    pub follows: bool,
-    /// The values.
-    pub values: RowValues<'a>,
-}
-
-/// Next item for a subscriber to results.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ResultReceived<'a> {
-    /// The next row.
-    Row(Row<'a>),
-    /// Rows of the frames `from` up to and including `to` did not reach us.
-    Missed {
-        /// First missing frame.
-        from: u64,
-        /// Last missing frame.
-        to: u64,
-    },
-    /// No more rows come.
-    End(EndReason),
-}
 
 /// Queue of a subscriber, for rows of any element type.
 trait Queue: Send {

@@ -1,8 +1,8 @@
 //! Turns of a consumer that has joined.
 
 use super::LIVENESS_PERIOD;
-use crate::Delivery;
-use crate::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader, StreamId};
+use crate::transport::wire::{RunStatus, STATE_DONE, STATE_FAILED, STATE_INTERRUPTED, StateHeader};
+use crate::{Delivery, StreamId};
 use schemas::frame::EndReason;
 use std::time::Instant;
 

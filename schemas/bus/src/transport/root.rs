@@ -1,6 +1,8 @@
 //! Directory of the sockets and the service descriptions of one user.
 
 use super::creating::CreationLock;
+use crate::RootError;
+use crate::errors::MAX_ROOT_BYTES;
 use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
@@ -8,80 +10,9 @@ use std::fs::Metadata;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// Longest root: a socket's path is the root, `/`, the prefix (17), an id (39) and `.event` (6), and must
-/// fit the 107 bytes that the kernel allows.
-pub(super) const MAX_ROOT_BYTES: usize = 107 - 1 - 17 - 39 - 6;
-
 /// Letters of a secret, five bits each; letters that differ only in case would not be safe everywhere.
 const SECRET_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
 const SECRET_LENGTH: usize = 8;
-
-/// Why a directory cannot be the root of a bus.
-#[derive(Debug, thiserror::Error)]
-pub enum RootError {
-    /// The paths of the sockets in it would be too long for the kernel.
-    #[error(
-        "the path of the bus directory {path} has {length} bytes, at most {MAX_ROOT_BYTES} fit a socket's path; \
-         set BEADLINE_ROOT to a shorter one"
-    )]
-    TooLong {
-        /// The directory.
-        path: PathBuf,
-        /// Length of the path in bytes.
-        length: usize,
-    },
-    /// The path is not a directory, or is a link to one.
-    #[error("the bus directory {path} is not a directory of its own; remove it or set BEADLINE_ROOT")]
-    NotADirectory {
-        /// The path.
-        path: PathBuf,
-    },
-    /// The directory belongs to somebody else.
-    #[error(
-        "the bus directory {path} belongs to {owner}, but this is user {user}; \
-         set BEADLINE_ROOT to a directory of your own"
-    )]
-    NotOurs {
-        /// The directory.
-        path: PathBuf,
-        /// Owner of the directory.
-        owner: String,
-        /// Id of this user.
-        user: u32,
-    },
-    /// Others may enter the directory.
-    #[error(
-        "the bus directory {path} has mode {mode:o}, expected 700: others could join; run `chmod 700 {path}`"
-    )]
-    TooOpen {
-        /// The directory.
-        path: PathBuf,
-        /// Permission bits of the directory.
-        mode: u32,
-    },
-    /// The secret could not be read or made.
-    #[error("cannot make the secret {path}: {cause}; check that the directory is writable")]
-    Secret {
-        /// The file.
-        path: PathBuf,
-        /// Cause of the failure.
-        cause: String,
-    },
-    /// iceoryx2 does not accept the directory's name.
-    #[error("the bus directory {path} has a name that cannot be used; use letters, digits, `-`, `_` and `.`")]
-    Name {
-        /// The directory.
-        path: PathBuf,
-    },
-    /// The directory could not be created or read.
-    #[error("the bus directory {path} cannot be used")]
-    Io {
-        /// The directory.
-        path: PathBuf,
-        /// Error from the system.
-        source: std::io::Error,
-    },
-}
 
 /// Default root: `$BEADLINE_ROOT`, or else `beadline` in `$XDG_RUNTIME_DIR`, or else `/tmp/beadline-<uid>`.
 pub(super) fn default_root() -> PathBuf {

@@ -5,6 +5,7 @@
 
 use super::leftovers::SEGMENTS;
 use super::root::user_name;
+use crate::SharedSegmentError;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
@@ -15,32 +16,6 @@ const NAME: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_
 /// Version in the segment (three numbers of 16 bits, the lowest last); a counter follows it.
 const VERSION: u64 = 10 << 16;
 const BYTES: usize = 16;
-
-/// Why the segment that all processes share cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum SharedSegmentError {
-    /// Somebody else's file has the segment's name.
-    #[error(
-        "{path} belongs to {owner}, and nothing can begin on this bus; have it removed, or remove {secret} when \
-         nothing runs: the next start then takes another name"
-    )]
-    NotOurs {
-        /// The file.
-        path: PathBuf,
-        /// Owner of the file.
-        owner: String,
-        /// File of the secret, from which the name is made.
-        secret: PathBuf,
-    },
-    /// The segment could not be made.
-    #[error("cannot make {path}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Error from the system.
-        source: std::io::Error,
-    },
-}
 
 fn path_of(prefix: &str) -> PathBuf {
     Path::new(SEGMENTS).join(format!("{prefix}{NAME}"))

@@ -4,6 +4,8 @@ use super::delivery::{Full, Holding, Repeats, Verdict};
 use super::services::SliceService;
 use super::wire::StateHeader;
 use super::{Bus, Ipc, process_of};
+use crate::values::Remedies;
+use crate::{ConsumerEvent, Delivery};
 use iceoryx2::node::{Node, NodeState};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
@@ -11,7 +13,6 @@ use iceoryx2::port::{BackpressureAction, BackpressureInfo, SendError};
 use iceoryx2::prelude::{CallbackProgression, Config, PortFactory as _, ZeroCopySend};
 use std::collections::{HashMap, HashSet};
 use std::fmt::Debug;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -19,86 +20,9 @@ use std::time::{Duration, Instant};
 /// Number of tries to send without a pause; later tries come after a pause.
 const YIELDS: u64 = 50;
 
-/// Kind of delivery that a consumer wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delivery {
-    /// The consumer gets every frame, and holds the producer back.
-    Lossless,
-    /// The consumer never holds the producer back, keeps a short queue, and counts the frames that it misses.
-    Latest,
-}
-
 impl Delivery {
-    /// Word with which a subscriber's name begins.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Lossless => "lossless",
-            Self::Latest => "latest",
-        }
-    }
-
     pub(super) fn of_name(name: &str) -> Self {
         if name.starts_with(Self::Lossless.as_str()) { Self::Lossless } else { Self::Latest }
-    }
-}
-
-/// Event that a producer may report about its consumers.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ConsumerEvent {
-    /// A consumer finished its handshake.
-    Joined {
-        /// Name of its subscriber.
-        name: String,
-    },
-    /// A lossless consumer is alive, but took nothing for too long: it no longer holds the run back.
-    Evicted {
-        /// Name of its subscriber.
-        name: String,
-        /// Time for which the consumer held the run back.
-        held: Duration,
-    },
-    /// Somebody removed or replaced the directory of the bus: attached consumers read on, and
-    /// nobody else can attach.
-    BusGone {
-        /// The directory.
-        root: PathBuf,
-    },
-    /// The remains of dead processes were cleaned up while a consumer held the run back.
-    CleanedUp {
-        /// Number of dead processes.
-        dead: u64,
-    },
-}
-
-/// The remedies against known traps; tests switch one off to see that it is needed.
-#[derive(Debug, Clone, Copy)]
-#[cfg_attr(not(feature = "faults"), expect(unreachable_pub, reason = "tests reach it"))]
-#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
-pub struct Remedies {
-    /// Clean up dead processes while blocked.
-    pub clean_while_blocked: bool,
-    /// Send a frame again when the send was interrupted by a signal.
-    pub resend: bool,
-    /// Hold no entry of the blackboard for longer than an update.
-    pub release_board: bool,
-    /// Update connections in the handshake.
-    pub connect_on_join: bool,
-    /// Pause between two looks at a full queue, so that no core is kept busy.
-    pub pause: bool,
-    /// Number of times that a delivered send of a frame is treated as interrupted; a fault for tests, not a remedy.
-    pub interruptions: u32,
-}
-
-impl Default for Remedies {
-    fn default() -> Self {
-        Self {
-            clean_while_blocked: true,
-            resend: true,
-            release_board: true,
-            connect_on_join: true,
-            pause: true,
-            interruptions: 0,
-        }
     }
 }
 

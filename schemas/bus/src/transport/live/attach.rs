@@ -1,26 +1,27 @@
 //! Finds a run, and does the handshake with its producer.
 
 use super::{LiveSource, Ports, StateSample, StateSubscriber};
-use crate::backpressure::Delivery;
-use crate::board::BoardReader;
-use crate::delivery::{Following, JoinTurn, Joining};
-use crate::position::Teller;
-use crate::runs::{RunInfo, look_at, run_names};
-use crate::services::{self, check_schema, text_of};
-use crate::wire::{JoinRequest, STATE_RUNNING, StreamId};
-use crate::{Bus, BusError, Ipc, chain_values};
+use crate::Bus;
+use crate::transport::board::BoardReader;
+use crate::transport::delivery::{Following, JoinTurn, Joining};
+use crate::transport::position::Teller;
+use crate::transport::runs::{look_at, run_names};
+use crate::transport::services::{self, check_schema, text_of};
+use crate::transport::wire::{JoinRequest, STATE_RUNNING};
+use crate::transport::{Ipc, chain_values};
+use crate::{AttachError, AttachNotice, AttachOptions, BusError, Delivery, RunInfo, StreamId};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::PortName;
 use schemas::chain::Chain;
-use schemas::manifest::{ManifestError, RunManifest};
+use schemas::manifest::RunManifest;
 use schemas::results::Topic;
 use schemas::run_name::RunName;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Time between two looks for changes while the run is not there yet.
@@ -33,94 +34,6 @@ const UNSETTLED_PERIOD: Duration = Duration::from_millis(50);
 const EAGER: Duration = Duration::from_secs(1);
 /// Time between two looks of a consumer in the handshake for the answer.
 const ANSWER_WAIT: Duration = Duration::from_millis(10);
-
-/// Why [`LiveSource::attach`] is waiting.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum AttachNotice {
-    /// No such run is being published; told once.
-    WaitingForRun {
-        /// Name of the run, if one was asked for.
-        name: Option<RunName>,
-    },
-    /// The run is there, and the handshake with its producer comes next. Told before each try.
-    Joining {
-        /// Name of the run.
-        name: RunName,
-    },
-    /// The run is there, but its producer does not answer yet: another consumer holds it back; told once.
-    WaitingForAnswer {
-        /// Name of the run.
-        name: RunName,
-    },
-}
-
-/// Options for attaching to a run.
-#[derive(Clone)]
-pub struct AttachOptions {
-    /// Name of the consumer in messages, `energies` for instance; at most 30 characters count.
-    pub label: String,
-    /// Longest wait for a run. Default: for ever.
-    pub timeout: Option<Duration>,
-    /// When set, waiting ends, and the source ends with [`EndReason::Stopped`](schemas::frame::EndReason::Stopped).
-    pub stop: Arc<AtomicBool>,
-    /// Function that gets a notice of each thing that we wait for.
-    pub notice: Arc<dyn Fn(&AttachNotice) + Send + Sync>,
-}
-
-impl Default for AttachOptions {
-    fn default() -> Self {
-        Self { label: "consumer".into(), timeout: None, stop: Arc::default(), notice: Arc::new(|_| {}) }
-    }
-}
-
-/// Why we could not attach.
-#[derive(Debug, thiserror::Error)]
-pub enum AttachError {
-    /// Error of the bus.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// No run came in time.
-    #[error("no run{} was published within {:.1} s; start one with `beadline run`", named(.name.as_ref()), waited.as_secs_f64())]
-    Timeout {
-        /// The run asked for.
-        name: Option<RunName>,
-        /// Time waited.
-        waited: Duration,
-    },
-    /// More than one run is being published, and none was named.
-    #[error("several runs are being published, name one: {}", join_names(.names))]
-    SeveralRuns {
-        /// Names of the runs.
-        names: Vec<RunName>,
-    },
-    /// We were asked to stop.
-    #[error("stopped while waiting for a run")]
-    Stopped,
-    /// The manifest that the producer published cannot be read.
-    #[error("run {name} cannot be read")]
-    Manifest {
-        /// The run.
-        name: RunName,
-        /// Error in the manifest.
-        source: ManifestError,
-    },
-    /// No more consumers can attach.
-    #[error(
-        "run {name} already has as many consumers as it can; end one, or record the run and read the file"
-    )]
-    Full {
-        /// The run.
-        name: RunName,
-    },
-}
-
-fn named(name: Option<&RunName>) -> String {
-    name.map(|name| format!(" {name}")).unwrap_or_default()
-}
-
-fn join_names(names: &[RunName]) -> String {
-    names.iter().map(RunName::as_str).collect::<Vec<_>>().join(", ")
-}
 
 impl LiveSource {
     /// Attaches to `run`, or to the only run there is, and waits for it if it is not there.

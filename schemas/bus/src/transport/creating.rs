@@ -3,8 +3,9 @@
 //! iceoryx2 waits for the creator of a service, and cannot know that it is dead. Here every creator holds a
 //! lock that the kernel takes away from the dead: a half-made service has no creator while we hold the lock.
 
+use super::Ipc;
 use super::services::{Class, Classify};
-use super::{BusError, Ipc};
+use crate::{BusError, Waiting};
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{Config, MessagingPattern, Service, ServiceName};
 use iceoryx2::service::service_hash::ServiceHash;
@@ -35,17 +36,6 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// people's programs do not take the lock, but need only milliseconds.
 const STALE_AFTER: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
-
-/// Wait of this process for others that create something on the bus.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Waiting {
-    /// Path of the lock.
-    pub path: PathBuf,
-    /// Process that holds the lock, as far as the kernel tells.
-    pub holder: Option<u32>,
-    /// Time waited so far.
-    pub waited: Duration,
-}
 
 /// Function that is called during waits; one for the process, like the signals that the function may look at.
 static WHILE_WAITING: OnceLock<fn(&Waiting) -> ControlFlow<()>> = OnceLock::new();

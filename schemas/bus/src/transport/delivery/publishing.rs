@@ -1,7 +1,7 @@
 //! Progress of a run, the consumers that have joined it, and the choice of the frames that they are offered.
 
 use super::offering::Offering;
-use crate::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_RUNNING};
+use crate::transport::wire::{JOIN_CONNECT, JOIN_READY, JoinAnswer, JoinRequest, RunStatus, STATE_RUNNING};
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 

@@ -1,9 +1,11 @@
 //! Publishes a topic of slices whose consumers may hold it back: the common part of frames and rows of results.
 
-use super::backpressure::{Backpressure, Remedies};
+use super::backpressure::Backpressure;
 use super::services::{self, SliceService, check_schema, text_of};
 use super::wire::StateHeader;
-use super::{Bus, BusError, Ipc, room};
+use super::{Bus, Ipc, room};
+use crate::BusError;
+use crate::values::Remedies;
 use iceoryx2::node::Node;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::ZeroCopySend;

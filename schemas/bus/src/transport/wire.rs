@@ -5,6 +5,7 @@
 )]
 
 use super::Ipc;
+use crate::StreamId;
 use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
@@ -41,25 +42,6 @@ pub const FLAG_LAST: u64 = 1;
 
 /// [`StateHeader::flags`] of a row of results: its publisher had rows before this one, received or not.
 pub const FLAG_FOLLOWS: u64 = 2;
-
-/// Identity of a stream: one publishing of one run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct StreamId {
-    /// Id of the run.
-    pub run_id: RunId,
-    /// Id of the publishing.
-    pub stream_id: u64,
-}
-
-impl StreamId {
-    /// Makes the identity of a new publishing of `run_id`.
-    pub fn new(run_id: RunId) -> Self {
-        let bytes = RunId::random().0;
-        // 64 random bits of a UUID: its two halves without the fixed version and variant positions
-        let half = |at: usize| bytes[at..at + 8].iter().fold(0, |n, byte| n << 8 | u64::from(*byte));
-        Self { run_id, stream_id: half(0) ^ half(8).rotate_left(29) }
-    }
-}
 
 impl StateHeader {
     /// Makes a header of `stream` that has no frame yet.

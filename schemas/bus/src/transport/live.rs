@@ -2,13 +2,12 @@
 
 mod attach;
 
-pub use attach::{AttachError, AttachNotice, AttachOptions};
-
 use super::board::BoardReader;
 use super::delivery::{Following, Turn};
 use super::position::{Position, Teller};
-use super::wire::{RunStatus, StateHeader, StreamId};
-use super::{Bus, Ipc, ResultElement, ResultPublisher, ResultsError};
+use super::wire::{RunStatus, StateHeader};
+use super::{Bus, Ipc, ResultPublisher};
+use crate::{LiveError, ResultElement, ResultsError, StreamId};
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
@@ -24,31 +23,6 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for a notification.
 const WAIT: Duration = Duration::from_millis(50);
-
-/// Why frames can no longer be received.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveError {
-    /// iceoryx2 could not receive.
-    #[error("run {name}: frames can no longer be received: {cause}")]
-    Receive {
-        /// The run.
-        name: RunName,
-        /// Error from iceoryx2.
-        cause: String,
-    },
-    /// A frame has another length than the manifest's.
-    #[error("run {name}: frame {frame} has {found} values, its manifest says {expected}")]
-    Shape {
-        /// The run.
-        name: RunName,
-        /// The frame.
-        frame: u64,
-        /// Values expected.
-        expected: usize,
-        /// Values found.
-        found: usize,
-    },
-}
 
 type StateSample = Sample<Ipc, [f64], StateHeader>;
 type StateSubscriber = Subscriber<Ipc, [f64], StateHeader>;
