@@ -98,6 +98,8 @@ pub struct TableFigure {
     pub panels: Vec<TablePanel>,
     /// True if the axes, x and y, are logarithmic.
     pub log: [bool; 2],
+    /// Exponents of power laws that are drawn beside the curves.
+    pub slopes: Vec<f64>,
     /// Band around the curves.
     pub band: Option<Band>,
     /// True if rows next to each other differ in more than x: lines between them would mean nothing.
@@ -125,6 +127,11 @@ pub fn table_curves(table: &TableFigure) -> Figure {
             let line = ends.map(|x| (x, law.at(x)));
             panel = panel.curve(Curve::line(name.trim(), line).stroke(Stroke::Dashed).colour(Colour::Black));
         }
+        for slope in &table.slopes {
+            let line = curves.iter().flat_map(|curve| beside(*slope, curve));
+            let name = format!("slope {slope}").replace('-', "−");
+            panel = panel.curve(Curve::line(name, line).stroke(Stroke::Dotted).colour(Colour::Black));
+        }
         let points = curves.iter().flat_map(|curve| &curve.points);
         let of_fewer = points.filter(|point| point.is_of_fewer);
         let of_fewer: Vec<_> = of_fewer.map(|point| (point.x, middle(table, &point.found))).collect();
@@ -135,6 +142,18 @@ pub fn table_curves(table: &TableFigure) -> Figure {
         figure = figure.panel(panel.note(note.clone()));
     }
     figure
+}
+
+/// The line of a power law of this exponent from the first to the last x of a curve, through the middle of its points, and a gap.
+fn beside(slope: f64, curve: &TableCurve) -> impl Iterator<Item = (f64, f64)> {
+    let count = curve.points.len() as f64;
+    let mean = |of: &dyn Fn(&TablePoint) -> f64| {
+        curve.points.iter().map(|point| of(point).ln()).sum::<f64>() / count
+    };
+    let (x, y) = (mean(&|point| point.x), mean(&|point| point.found.mean));
+    let at = move |point: &TablePoint| (point.x, (y + slope * (point.x.ln() - x)).exp());
+    let ends = [curve.points.first().map(at), curve.points.last().map(at)];
+    ends.into_iter().flatten().chain([(f64::NAN, f64::NAN)])
 }
 
 /// The middle of values that a curve goes through.
