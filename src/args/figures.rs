@@ -153,7 +153,7 @@ pub(crate) struct PlotArgs {
         conflicts_with = "heat"
     )]
     pub(crate) fit: Option<(f64, f64)>,
-    /// A power law of this exponent beside each curve, repeatable
+    /// A power law of this exponent beside a curve; repeatable, in the order of the curves, the last for all further ones
     #[arg(long, value_name = "EXPONENT", help_heading = TABLES, conflicts_with = "heat")]
     pub(crate) slope: Vec<f64>,
     /// Logarithmic axes: x, y, x,y or none [default: those of swept columns whose values follow each other by the logarithm]

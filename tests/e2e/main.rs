@@ -15,6 +15,7 @@ mod ctrl_c;
 mod deformation;
 mod disk;
 mod engines;
+mod ensemble_physics;
 mod ensembles;
 mod export;
 mod faults;

@@ -539,7 +539,7 @@ mod tests {
         }
     }
 
-    /// The speed of sound at the temperature of the run by thermodynamics (Spohn 2014, eq. 3.17), for springs of V = r²/2 + r⁴/4 that are not pressed:
+    /// The speed of sound at the temperature of the run by thermodynamics (Spohn 2014), for springs of V = r²/2 + r⁴/4 that are not pressed:
     /// `c² = (T²/2 + <V;V>)/Γ` with `Γ = (<r;r>·<V;V> - <r;V>²)/T + T·<r;r>/2`. Within 50 s
     /// short waves lag behind long ones, by less than 1.5 % of the way.
     #[test]

@@ -1,6 +1,7 @@
 //! Sums over pairs of frames, from frames as they come, in memory that does not grow with the run.
 
 use consumers::blocks::FEWEST;
+use consumers::power_law::LineSums;
 use consumers::statistics::Statistics;
 use std::collections::VecDeque;
 use std::iter::zip;
@@ -286,10 +287,11 @@ impl Found {
             }
         }
         let speed = |places: &[(usize, f64)]| {
-            let points = places.iter().map(|(lag, place)| (self.lags_s[*lag], *place));
-            slope(&points.collect::<Vec<_>>())
+            let mut line = LineSums::default();
+            places.iter().for_each(|(lag, place)| line.add((self.lags_s[*lag], *place), 1.0));
+            line.line().map(|[slope, _]| slope)
         };
-        let c = speed(&places).filter(|_| places.len() > 2)?;
+        let c = speed(&places)?;
         let count = parts.len() as f64;
         let others = parts.iter().filter_map(|part| {
             let moved = places.iter().filter_map(|(lag, _)| {
@@ -321,12 +323,4 @@ fn peak(curve: &[f64]) -> Option<(usize, f64)> {
         [mass + above, moment + above * place as f64]
     });
     (half > 0.0).then(|| (at, moment / mass))
-}
-
-/// The slope of the straight line through two points or more, with the least squares.
-fn slope(points: &[(f64, f64)]) -> Option<f64> {
-    let sum = |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|(x, y)| of(*x, *y)).sum::<f64>();
-    let (x, y) = (sum(&|x, _| x) / points.len() as f64, sum(&|_, y| y) / points.len() as f64);
-    let slope = sum(&|a, b| (a - x) * (b - y)) / sum(&|a, _| (a - x).powi(2));
-    slope.is_finite().then_some(slope)
 }
