@@ -33,7 +33,9 @@ def dataset(rec: Recording, steps: range | Numbers, fields: Sequence[str] | None
     kept: Steps = np.asarray(steps, np.int64)
     rows = rows_of(rec, kept)
     names = [*_OF_EVERY_RUN, *rec._parts] if fields is None else fields
-    variables = {name: _variable(_array(rec, name), rows) for name in names}
+    # rows of a chunk for dask: a power of ten, so that round numbers of rows are whole chunks
+    at_once = 10 ** (len(str(_BLOCK_BYTES // (8 * rec.beads))) - 1)
+    variables = {name: _variable(_array(rec, name), rows, at_once) for name in names}
     coordinates = {
         "time": ("time", kept * rec.dt_s, {"units": "s", "long_name": "time"}),
         "step": ("time", kept, {"long_name": "step"}),
@@ -55,10 +57,8 @@ def _array(rec: Recording, name: str) -> FieldArray:
     return array
 
 
-def _variable(array: FieldArray, rows: Steps) -> xr.Variable:
+def _variable(array: FieldArray, rows: Steps, at_once: int) -> xr.Variable:
     attributes = {"units": array.unit, "long_name": array.name.replace("_", " ")}
-    # of a large array, as large as dask likes its chunks
-    at_once = max(1, _BLOCK_BYTES // (8 * max(1, array.shape[1])))
     chunks = {"preferred_chunks": {"time": at_once, array.place: array.shape[1]}} if at_once < len(rows) else {}
     lazy = indexing.LazilyIndexedArray(_Lazy(array, rows))
     return xr.Variable(("time", array.place), lazy, attributes, chunks)

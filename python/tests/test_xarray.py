@@ -6,6 +6,7 @@ import json
 import pickle
 import random
 import tracemalloc
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def rec(tmp_path: Path) -> bl.Recording:
     return run.record(tmp_path / "run.mcap", every=20)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(12), 40])
 def test_a_dataset_of_any_run_has_the_values_of_its_states(seed: int, tmp_path: Path) -> None:
     import xarray as xr
 
@@ -155,6 +156,21 @@ def test_a_graph_of_dask_reads_the_chunks_that_are_asked_for(rec: bl.Recording, 
     # to another process
     again = pickle.loads(pickle.dumps(data.dissipated))
     assert np.array_equal(again.values, np.asarray(rec.dissipated))
+
+
+def test_chunks_of_a_large_recording_are_round(rec: bl.Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    import xarray as xr
+
+    from beadline import _xarray
+
+    # 400 rows of 12 doubles
+    monkeypatch.setattr(_xarray, "_BLOCK_BYTES", 8 * 12 * 400)
+    own = xr.open_dataset(rec.path, every=1, chunks={})
+    assert own.velocity.chunks == ((*[100] * 10, 1), (12,))
+    with warnings.catch_warnings():
+        # of chunks that others separate
+        warnings.simplefilter("error")
+        assert xr.open_dataset(rec.path, every=1, chunks={"time": 500}).velocity.chunks[0] == (500, 500, 1)
 
 
 def test_a_part_by_time_and_bead_is_a_table(rec: bl.Recording) -> None:
