@@ -22,7 +22,7 @@ from ._analyses import Analyses
 from ._chain import number, numbers
 from ._fields import FIELDS, PARTS, FieldArray, FieldName, Index, check_memory
 from ._map import nearest, rows_of
-from ._numbers import count, in_si
+from ._numbers import count
 from ._table import Table, analyse
 from .errors import RecordingError
 
@@ -492,7 +492,10 @@ class Recording(Analyses):
             steps = np.asarray(self._steps_during("time_s", part.start, part.stop, every), np.int64)
         else:
             among = self.steps if every is None else self._steps_every(every)
-            steps = np.atleast_1d(self._steps_near(numbers("time_s", time_s), among))
+            times_s = np.atleast_1d(numbers("time_s", time_s))
+            if not times_s.size or times_s.ndim > 1:
+                raise ValueError(f"time_s: found {time_s!r}; expected a time (s), a list or a slice")
+            steps = self._steps_near(times_s, among)
         beads = self._beads(bead)
         what = f"a table of {len(steps):,} × {len(beads):,} rows"
         check_memory(what, 5 * 8 * len(steps) * len(beads), "take fewer times or beads, or every=…")
@@ -524,9 +527,10 @@ class Recording(Analyses):
         def time_s(step: int) -> float:
             return step * self.dt_s
 
-        begin = 0 if from_s is None else bisect_left(steps, in_si("from_s", from_s), key=time_s)
-        end = len(steps) if until_s is None else bisect_right(steps, in_si("until_s", until_s), key=time_s)
-        if begin >= end:
+        first_s = -np.inf if from_s is None else number(key, from_s)
+        last_s = np.inf if until_s is None else number(key, until_s)
+        begin, end = bisect_left(steps, first_s, key=time_s), bisect_right(steps, last_s, key=time_s)
+        if begin >= end or np.isnan([first_s, last_s]).any():
             advice = "; every=1 recomputes the steps between" if every is None else ""
             raise ValueError(f"{key}: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
         return steps[begin:end]
