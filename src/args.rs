@@ -387,7 +387,7 @@ pub(crate) struct SweepArgs {
     #[arg(
         long,
         exclusive = true,
-        value_name = "reflection|equipartition|conductivity|disorder",
+        value_name = "reflection|equipartition|diatomic|conductivity|disorder",
         num_args = 0..=1,
         default_missing_value = "reflection"
     )]

@@ -18,9 +18,10 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Sweep files to begin with.
-const EXAMPLES: [(&str, &str); 4] = [
+const EXAMPLES: [(&str, &str); 5] = [
     ("reflection", include_str!("sweep/reflection.toml")),
     ("equipartition", include_str!("sweep/equipartition.toml")),
+    ("diatomic", include_str!("sweep/diatomic.toml")),
     ("conductivity", include_str!("sweep/conductivity.toml")),
     ("disorder", include_str!("sweep/disorder.toml")),
 ];

@@ -47,6 +47,7 @@ const STATISTICS: [(&str, &str); 8] = [
 /// assert_eq!(column_label("drive[0].displacement_m.sine.amplitude"), "drive 0 displacement (m)");
 /// assert_eq!(column_label("drive[0].displacement_m.sine.frequency_hz"), "drive 0 frequency (Hz)");
 /// assert_eq!(column_label("chain.alpha"), "α");
+/// assert_eq!(column_label("modal(threshold=0.1).equipartition_s"), "modal equipartition (s), threshold=0.1");
 /// assert_eq!(column_label("forces.peak_n@right"), "forces peak at right (N)");
 /// ```
 pub fn column_label(column: &str) -> String {
@@ -58,6 +59,12 @@ pub fn column_label(column: &str) -> String {
         Some((name, place)) => (name, format!(" at {place}")),
         None => (name, String::new()),
     };
+    // options of an analysis stay as they are written
+    if let Some((analysis, (options, name))) =
+        name.split_once('(').and_then(|(analysis, rest)| Some((analysis, rest.split_once(").")?)))
+    {
+        return format!("{prefix}{analysis} {}{place}, {options}", column_label(name));
+    }
     let name = name.strip_prefix("chain.").unwrap_or(name);
     let waveform = name.split_once(".sine.").map(|(drive, of)| match of {
         // it has the unit of its drive
