@@ -29,11 +29,10 @@ use crate::amounts::count;
 use crate::bath::Bath;
 use crate::credit::Credit;
 use crate::drive::Drive;
-use crate::json_schema::{exponent, not_negative, positive};
-use crate::manifest::{MAX_BEADS, MAX_STEPS};
+use crate::json_schema::{self, exponent, not_negative, positive};
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
 /// A configuration file (TOML), every value as written.
@@ -98,7 +97,7 @@ pub struct RunConfig {
 #[serde(deny_unknown_fields)]
 pub struct ChainConfig {
     /// Number of beads N.
-    #[schemars(range(min = 2, max = MAX_BEADS))]
+    #[schemars(range(min = 2))]
     pub beads: u64,
     /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: the first sphere gives it.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
@@ -356,10 +355,10 @@ impl Default for IntegratorConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct StreamConfig {
     /// Number of steps from one published frame to the next.
-    #[schemars(range(min = 1, max = MAX_STEPS))]
+    #[schemars(range(min = 1))]
     pub publish_every_steps: u64,
     /// Number of steps from one recorded frame to the next; a multiple of `publish_every_steps`.
-    #[schemars(range(min = 1, max = MAX_STEPS))]
+    #[schemars(range(min = 1))]
     pub record_every_steps: u64,
 }
 
@@ -370,6 +369,11 @@ impl Default for StreamConfig {
 }
 
 impl RunConfig {
+    /// The JSON Schema of configurations.
+    pub fn schema() -> Schema {
+        json_schema::of::<Self>("A run of Beadline", "A chain of beads, its beginning and its duration.")
+    }
+
     /// Reads a configuration from TOML text.
     ///
     /// # Errors
@@ -566,6 +570,16 @@ mod tests {
                     "{error}"
                 );
             }
+        }
+    }
+
+    /// The text of a schema is for people who know neither Rust nor JSON.
+    #[test]
+    fn nothing_of_the_program_is_left_in_the_schema() {
+        let text = RunConfig::schema().as_value().to_string();
+        for leak in ["null", "[`", "::", "Written", "uint64"] {
+            let near = text.find(leak).and_then(|at| text.get(at.saturating_sub(80)..at + 40));
+            assert_eq!(near, None, "{leak}");
         }
     }
 

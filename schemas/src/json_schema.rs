@@ -1,14 +1,8 @@
 //! JSON Schemas (draft 2020-12) of the files that people write, made of the types that read them.
 
-use crate::config::RunConfig;
 use schemars::transform::{RecursiveTransform, Transform};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Value, json};
-
-/// The schema of configurations.
-pub fn of_runs() -> Schema {
-    of::<RunConfig>("A run of Beadline", "A chain of beads, its beginning and its duration.")
-}
 
 /// The schema of the files that `T` reads, with a title and a description.
 pub fn of<T: JsonSchema>(title: &str, about: &str) -> Schema {
@@ -87,19 +81,4 @@ pub(crate) fn not_negative(schema: &mut Schema) {
 /// Exponents of contacts.
 pub(crate) fn exponent(schema: &mut Schema) {
     bound(schema, [1.0, 1000.0]);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The text of a schema is for people who know neither Rust nor JSON.
-    #[test]
-    fn nothing_of_the_program_is_left() {
-        let text = of_runs().as_value().to_string();
-        for leak in ["null", "[`", "::", "Written"] {
-            let near = text.find(leak).map(|at| &text[at.saturating_sub(80)..text.len().min(at + 40)]);
-            assert_eq!(near, None, "{leak}");
-        }
-    }
 }

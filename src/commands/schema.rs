@@ -2,13 +2,13 @@
 
 use crate::display;
 use crate::failure::{Done, Failure};
-use schemas::json_schema;
+use schemas::config::RunConfig;
 
 pub(crate) fn print(kind: &str) -> Result<Done, Failure> {
     let schema = match kind {
         "sweep" => producer::sweep::schema(),
         "orbit" => orbits::file::schema(),
-        _ => json_schema::of_runs(),
+        _ => RunConfig::schema(),
     };
     display::print(format_args!("{}\n", serde_json::to_string_pretty(&schema)?))?;
     Ok(Done::Whole)

@@ -14,7 +14,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 7_930),
-    ("consumers", 6_050),
+    ("consumers", 6_070),
     ("consumers/analyses", 4_400),
     ("consumers/experiments", 1_600),
     ("consumers/exports", 950),

@@ -178,7 +178,7 @@ mod tests {
         let known = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
         assert_eq!(keys(&schema, ""), known(&KNOWN));
         assert_eq!(keys(&schema, "/$defs/Sample"), known(&sample::KNOWN));
-        let mut of_run = keys(&schemas::json_schema::of_runs(), "");
+        let mut of_run = keys(&RunConfig::schema(), "");
         of_run.extend(["preset", "file"].map(str::to_owned));
         assert_eq!(keys(&schema, "/$defs/Base"), of_run);
         assert_eq!(

@@ -31,7 +31,7 @@ pub struct Series {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub(super) struct Written {
-    /// Columns of the rows of analyses, such as "spreading.second_moment_beads2".
+    /// Columns of the rows of analyses, as `measure` of a sweep; `beadline analyses` lists them.
     #[schemars(with = "Vec<String>", length(min = 1))]
     measure: Vec<Spanned<String>>,
     /// Number of intervals of time [default: 50].
