@@ -10,6 +10,7 @@ mod pages;
 mod recordings;
 mod relay;
 mod slurm;
+#[cfg_attr(not(feature = "live"), path = "args/absent.rs")]
 mod top;
 mod values;
 
@@ -311,6 +312,13 @@ pub(crate) struct CreditArgs {
     /// DOI of the recording, or of the work that it belongs to
     #[arg(long, value_name = "10.…")]
     pub(crate) doi: Option<String>,
+}
+
+impl RunArgs {
+    /// True if others can follow the run.
+    pub(crate) fn publishes(&self) -> bool {
+        bus::IS_THERE && !self.no_publish
+    }
 }
 
 /// Values that replace those of the configuration.

@@ -25,6 +25,7 @@ pub(crate) mod schema;
 pub(crate) mod share;
 pub(crate) mod sweep;
 pub(crate) mod thin;
+#[cfg_attr(not(feature = "live"), path = "commands/absent.rs")]
 pub(crate) mod top;
 pub(crate) mod upload;
 pub(crate) mod verify;

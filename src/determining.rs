@@ -2,6 +2,7 @@
 
 use crate::display::{self, count};
 use crate::failure::Failure;
+use crate::limits;
 use crate::progress::REFRESH;
 use anyhow::anyhow;
 use consumers::determination::{Bound, Determined, Outcome, TOLERANCE, digits, label, time};
@@ -13,9 +14,6 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
-
-/// Niceness of the thread beside a run: it gives way to others.
-const NICENESS: i32 = 10;
 
 /// A longer step is worth a line from this factor on.
 const WORTH_LONGER: f64 = 1.5;
@@ -44,8 +42,7 @@ impl Beside {
         let last_step = manifest.physics.step_count;
         let (at, stop, manifest) = (Arc::clone(&step), Arc::clone(stop), manifest.clone());
         let thread = thread::Builder::new().spawn(move || {
-            // of this thread alone; where that is refused it competes with the run for a core
-            let _ = rustix::process::nice(NICENESS);
+            limits::compute_beside_others();
             compare(&manifest, None, (last_step, TOLERANCE), &stop, |step| at.store(step, Ordering::Relaxed))
         })?;
         Ok(Self { thread, step, last_step })

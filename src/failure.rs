@@ -3,7 +3,7 @@
 use crate::display;
 use crate::limits;
 use anyhow::Error;
-use bus::{AttachError, BusError, PublishError, ResultsError};
+use bus::{AttachError, BusError, PublishError, ResultsError, RootError};
 use exports::ExportError;
 use producer::resimulation::OtherKernel;
 use recording::WriteError;
@@ -155,13 +155,14 @@ fn is_of_another_kernel(error: &Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref::<OtherKernel>().is_some())
 }
 
-/// True if an output needs another name, whichever command found that, and however late.
+/// True if an output needs another name, whichever command found that, and however late; or if this build cannot do it.
 fn is_in_the_way(error: &Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(WriteError::is_in_the_way)
             || cause.downcast_ref().is_some_and(WholeFileError::is_in_the_way)
             || cause.downcast_ref().is_some_and(ExportError::is_in_the_way)
             || cause.downcast_ref().is_some_and(StorageError::is_of_usage)
+            || matches!(cause.downcast_ref(), Some(RootError::Absent))
     })
 }
 

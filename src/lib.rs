@@ -13,6 +13,7 @@ mod configuration;
 mod determining;
 mod forecast;
 mod frames;
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "`top` alone has a screen"))]
 mod keyboard;
 mod limits;
 mod links;
@@ -32,6 +33,9 @@ pub use configuration::origin;
 pub use forecast::computing_s;
 
 use args::{AskedAnalysis, Cli, Command};
+use bus::RootError;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
 use clap::{ArgMatches, FromArgMatches};
 use failure::{Done, Failure, Form};
 use std::ffi::OsString;
@@ -102,6 +106,9 @@ enum Asked {
 
 impl Asked {
     fn of(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        if let Some(("run", run)) = matches.subcommand().filter(|_| !bus::IS_THERE) {
+            check_flags_of_run(run)?;
+        }
         match AskedAnalysis::of(matches) {
             Some(asked) => Ok(Self::Analysis(Box::new(asked?))),
             None => Ok(Self::Command(Cli::from_arg_matches(matches)?.command)),
@@ -109,8 +116,21 @@ impl Asked {
     }
 }
 
+/// Refuses flags about consumers where there are none.
+fn check_flags_of_run(run: &ArgMatches) -> Result<(), clap::Error> {
+    let of_consumers =
+        [("no_record", "--no-record"), ("wait_for", "--wait-for"), ("stall_timeout", "--stall-timeout")];
+    let given = |id| run.value_source(id) == Some(ValueSource::CommandLine);
+    let Some((_, flag)) = of_consumers.iter().find(|(id, _)| given(id)) else { return Ok(()) };
+    let why = format!("{flag} is about consumers of a live run: {}\n", RootError::Absent);
+    Err(clap::Error::raw(ErrorKind::ArgumentConflict, why))
+}
+
 fn dispatch(command: Command) -> Result<Done, Failure> {
     match command {
+        Command::Demo(_) | Command::Record(_) | Command::Replay(_) if !bus::IS_THERE => {
+            Err(RootError::Absent.into())
+        }
         Command::Demo(args) => commands::demo::demo(&args),
         Command::Run(args) => commands::run::run(&args),
         Command::Check(args) => commands::check::check(&args),

@@ -39,7 +39,8 @@ extern "C" fn look_at_stdout() {
     unsafe_code,
     reason = "nothing safe runs before the standard library has changed what is to be seen"
 )]
-#[unsafe(link_section = ".init_array")]
+#[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
+#[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
 static BEFORE_MAIN: extern "C" fn() = look_at_stdout;
 
 /// True if stdout is closed, so that results cannot be printed.

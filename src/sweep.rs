@@ -211,7 +211,8 @@ pub(crate) fn file_in(out: &Path) -> Option<PathBuf> {
 /// When the directory is not one of this sweep, or its rows cannot be read or are somewhere else.
 pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>, Failure> {
     let directory = Directory::existing(out, sweep)?;
-    let (columns, lines) = (&directory.head().columns, Lines::of(sweep));
+    let columns = &directory.head().columns;
+    let lines = Lines::of(sweep, columns);
     let named = lines.as_ref().map_or(columns.as_slice(), |lines| lines.fixed(columns));
     let mut rows: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in directory.journals()? {

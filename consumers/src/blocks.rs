@@ -30,7 +30,7 @@ pub struct Estimate {
 /// Full blocks that are put together.
 const MOST: usize = 64;
 /// Fewest blocks with an error.
-const FEWEST: usize = 8;
+pub const FEWEST: usize = 8;
 
 impl Blocks {
     /// No frames of `width` quantities.
@@ -68,6 +68,16 @@ impl Blocks {
     /// Number of frames.
     pub fn frames(&self) -> u64 {
         self.frames
+    }
+
+    /// The means of all quantities over each block that is full.
+    pub fn means(&self) -> impl Iterator<Item = Vec<f64>> {
+        let full = self
+            .sums
+            .chunks_exact(self.width.max(1))
+            .zip(1..)
+            .filter(|(_, end)| end * self.length <= self.frames);
+        full.map(|(sums, _)| sums.iter().map(|sum| sum / self.length as f64).collect())
     }
 
     /// The average of a quantity.
@@ -115,6 +125,7 @@ mod tests {
             );
             within += u32::from(mean.abs() < error);
             assert_eq!(blocks.estimate(1).mean, 1.0);
+            assert!(blocks.means().count() >= 32 && blocks.means().all(|means| means[1] == 1.0));
         }
         assert!((58..=78).contains(&within), "{within} of 100 within one error");
         let mut few = Blocks::new(1);

@@ -18,7 +18,6 @@ use runge::Runge;
 use schemas::frame::Active;
 use schemas::manifest::Physics;
 use schemas::method::Method;
-use schemas::rows::Rows;
 use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 
 /// Advances the states of one chain by the method of its run.
@@ -28,7 +27,7 @@ use splitting::{RKN4, Splitting, VELOCITY_VERLET};
 #[derive(Debug, Clone)]
 pub struct Integrator {
     by_method: ByMethod,
-    baths: Option<Box<(Baths, Rows)>>,
+    baths: Option<Box<Baths>>,
 }
 
 #[derive(Debug, Clone)]
@@ -69,7 +68,7 @@ impl Integrator {
             Method::Gear5 => ByMethod::Gear(Gear::new(physics.dt_s, kernel)),
             Method::Rk5 => ByMethod::Runge(Box::new(Runge::new(physics, &chain, kernel))),
         };
-        Self { by_method, baths: baths.map(|baths| Box::new((baths, physics.rows()))) }
+        Self { by_method, baths: baths.map(Box::new) }
     }
 
     /// The integrator of a run that carries `count` tangents with the states, all zero at first. It makes the same states.
@@ -113,12 +112,11 @@ impl Integrator {
     ///
     /// As for [`Integrator::step`], pass each call the state that the call before left.
     pub fn advance(&mut self, state: &mut ChainState, last: u64) {
-        let Some(baths) = &mut self.baths else { return self.by_method.advance(state, last) };
-        let (step, (baths, rows)) = (state.step, &mut **baths);
-        baths.before([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
+        let Some(baths) = &mut self.baths else { return self.by_method.advance(state, last, None) };
+        baths.before(&mut state.v_m_s, &mut state.extra, state.step);
         self.by_method.tangents().into_iter().for_each(|tangents| baths.slow(tangents, false));
-        self.by_method.advance(state, step + 1);
-        baths.after([&mut state.v_m_s, rows.heat_mut(&mut state.extra)], step);
+        self.by_method.advance(state, last, Some(baths));
+        baths.after(&mut state.v_m_s, &mut state.extra, state.step - 1);
         self.by_method.tangents().into_iter().for_each(|tangents| baths.slow(tangents, true));
     }
 
@@ -151,10 +149,10 @@ impl ByMethod {
         }
     }
 
-    /// Advances `state` as [`Integrator::advance`] does, without baths.
-    fn advance(&mut self, state: &mut ChainState, last: u64) {
+    /// Advances `state` as [`Integrator::advance`] does; `baths` act between the steps.
+    fn advance(&mut self, state: &mut ChainState, last: u64, baths: Option<&mut Baths>) {
         match self {
-            Self::Splitting(splitting) => splitting.advance(state, last),
+            Self::Splitting(splitting) => splitting.advance(state, last, baths),
             Self::Gear(gear) => gear.step(state),
             Self::Runge(runge) => runge.step(state),
         }

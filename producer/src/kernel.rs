@@ -23,8 +23,8 @@ use schemas::contact::{BLOCK, ContactLaw};
 use schemas::simd::{ordered_sum, vectorized};
 use schemas::sites::Sites;
 use std::ops::Range;
-use sweep::Ends;
-pub(crate) use sweep::{Pass, TILE};
+use sweep::{Ends, Shaken};
+pub(crate) use sweep::{Pass, Shake, TILE};
 
 /// The beads that may differ from rest: all others have zero bits in `u` and `v`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,8 +112,9 @@ pub struct Kernel {
     /// True for each group in which a contact presses more than at rest.
     presses: Vec<bool>,
     activity: Activity,
-    /// Beads that baths may set in motion.
-    shaken: Activity,
+    /// Beads that baths may set in motion, and their groups.
+    shaken_beads: Activity,
+    shaken: Shaken,
     /// Beads of a tile of a sweep.
     tile: usize,
 }
@@ -204,7 +205,8 @@ impl Kernel {
             force: avec![0.0; inverse_mass.len()],
             presses: vec![false; with_room(count * width) / GROUP + 1],
             activity: Activity { beads: 0..0 },
-            shaken: Activity { beads: 0..0 },
+            shaken_beads: Activity { beads: 0..0 },
+            shaken: Shaken::default(),
             tile,
             inverse_mass,
             rest_n,
@@ -219,12 +221,13 @@ impl Kernel {
         let Activity { beads: numbers } = activity;
         let beads = numbers.start / self.width..numbers.end.div_ceil(self.width);
         let activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };
-        self.activity = activity.over(&self.shaken.beads);
+        self.activity = activity.over(&self.shaken_beads.beads);
     }
 
     /// Takes `beads` as those that may not be at rest at any time, from the next start on.
     pub(crate) fn shake(&mut self, beads: &Range<usize>) {
-        self.shaken = self.shaken.clone().over(beads);
+        self.shaken_beads = self.shaken_beads.clone().over(beads);
+        self.shaken.add(beads.start * self.width..beads.end * self.width);
     }
 
     /// Puts the walls at these places (m).

@@ -62,11 +62,14 @@ class Heat(Table):
 
     Attributes:
         profile: Table of the beads: temperature, current to the next bead, errors.
+        green_kubo: Table of the lags: autocorrelation of the current of all contacts, conductivity up to the lag,
+            errors.
     """
 
-    def __init__(self, out: Table, profile: Table) -> None:
+    def __init__(self, out: Table, profile: Table, green_kubo: Table) -> None:
         super().__init__(out, out.summary)
         self.profile = profile
+        self.green_kubo = green_kubo
 
 
 class Analyses:
@@ -315,6 +318,7 @@ class Analyses:
         self,
         *,
         threshold_eta: float | None = None,
+        bands: str | None = None,
         from_s: float | None = None,
         until_s: float | None = None,
         every_step: bool = False,
@@ -323,16 +327,18 @@ class Analyses:
         """Energies of all linear modes: spectral entropy, effective number of modes, time of equipartition.
 
         Columns in each frame: ``modal_energy_j`` (energy of all modes), ``entropy`` (spectral entropy),
-        ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition).
+        ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition),
+        ``energy_modes_FIRST_LAST_j`` (energy of the modes of a band, with --bands).
 
         Args:
             threshold_eta: The η that counts as equipartition; by default 0.5.
+            bands: Bands of modes whose energies are columns: 1-4,5-8, or a number of equal ones.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Modal(*self._tables("modal", "spectrum", threshold_eta=threshold_eta, **part))
+        return Modal(*self._tables("modal", "spectrum", threshold_eta=threshold_eta, bands=bands, **part))
 
     def lyapunov(
         self,
@@ -361,6 +367,7 @@ class Analyses:
     def heat(
         self,
         *,
+        lag_s: float | None = None,
         from_s: float | None = None,
         until_s: float | None = None,
         every_step: bool = False,
@@ -372,9 +379,36 @@ class Analyses:
         ``kinetic_temperature_j`` (m·v², averaged over the beads).
 
         Args:
+            lag_s: Longest lag of the conductivity from fluctuations (s); by default a twentieth of the time that is
+                looked at, at most 16384 frames.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return Heat(*self._tables("heat", "profile", **part))
+        return Heat(*self._tables("heat", "profile", "green-kubo", lag_s=lag_s, **part))
+
+    def correlations(
+        self,
+        *,
+        lag_s: float | None = None,
+        lags: int | None = None,
+        origins_s: float | None = None,
+        from_s: float | None = None,
+        until_s: float | None = None,
+        every_step: bool = False,
+        jobs: int | None = None,
+    ) -> Table:
+        """Correlations of stretch, momentum and energy over distance and time, and the speed of sound.
+
+        Args:
+            lag_s: Longest lag (s); by default a tenth of the time that is looked at, or what small waves need for 0.3
+                of a ring, 0.15 of another chain.
+            lags: Number of lags above 0; by default 20, fewer of more than 6000 beads.
+            origins_s: Time between two origins (s); by default that between two lags.
+            from_s, until_s: The first and the last simulated time (s) that is looked at.
+            every_step: Also steps between recorded states, which are recomputed.
+            jobs: Threads that recompute them; by default one for each core.
+        """
+        part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
+        return self._tables("correlations", lag_s=lag_s, lags=lags, origins_s=origins_s, **part)[0]

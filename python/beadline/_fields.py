@@ -18,7 +18,20 @@ if TYPE_CHECKING:
     from ._native import Doubles
     from ._recording import Recording
 
-FieldName = Literal["displacement", "velocity", "overlap", "force", "resonator_displacement", "resonator_velocity"]
+FieldName = Literal[
+    "displacement",
+    "velocity",
+    "overlap",
+    "force",
+    "resonator_displacement",
+    "resonator_velocity",
+    "dissipated",
+    "drive_work",
+    "drive_displacement",
+    "bath_heat",
+]
+# what has a value of a field
+Place = Literal["bead", "contact", "drive"]
 Index = npt.NDArray[np.intp]
 # positions on an axis
 Axis = range | Index
@@ -29,13 +42,27 @@ Along = (
 Key = Along | EllipsisType | None
 Axes = int | tuple[int, ...] | None
 
-_UNITS: dict[FieldName, str] = {
-    "displacement": "m",
-    "velocity": "m/s",
-    "overlap": "m",
-    "force": "N",
-    "resonator_displacement": "m",
-    "resonator_velocity": "m/s",
+# units, and places
+FIELDS: dict[str, tuple[str, Place]] = {
+    "displacement": ("m", "bead"),
+    "velocity": ("m/s", "bead"),
+    "overlap": ("m", "contact"),
+    "force": ("N", "contact"),
+    "resonator_displacement": ("m", "bead"),
+    "resonator_velocity": ("m/s", "bead"),
+    "dissipated": ("J", "bead"),
+    "drive_work": ("J", "drive"),
+    "drive_displacement": ("m", "drive"),
+    "bath_heat": ("J", "bead"),
+}
+# parts of a state behind its displacements and velocities, in the order of Manifest.parts_of, and what has them
+PARTS: dict[FieldName, str] = {
+    "resonator_displacement": "resonators",
+    "resonator_velocity": "resonators",
+    "dissipated": "damping and no drag",
+    "drive_work": "drives",
+    "drive_displacement": "drives",
+    "bath_heat": "baths",
 }
 # memory that is left to others
 _FREE_PART = 0.9
@@ -51,15 +78,16 @@ class FieldArray(NDArrayOperatorsMixin):
     computes it on all cores, and so does every function of NumPy's.
 
     Attributes:
-        name: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``, ``"resonator_displacement"`` or
-            ``"resonator_velocity"``.
+        name: ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``, ``"resonator_displacement"``, ``"resonator_velocity"``,
+            ``"dissipated"``, ``"drive_work"``, ``"drive_displacement"`` or ``"bath_heat"``.
         unit: Its unit.
+        place: The kind of its places: ``"bead"``, ``"contact"`` or ``"drive"``.
     """
 
     def __init__(self, recording: Recording, name: FieldName, rows: Axis | int, columns: Axis | int) -> None:
         self._recording = recording
         self.name: FieldName = name
-        self.unit = _UNITS[name]
+        self.unit, self.place = FIELDS[name]
         # positions on the axes of the whole array; a number takes the axis away
         self._axes: tuple[Axis | int, Axis | int] = (rows, columns)
 
@@ -156,7 +184,7 @@ class FieldArray(NDArrayOperatorsMixin):
         (rows, row_of), (columns, column_of) = map(_ascending, self._axes)
         steps = np.ascontiguousarray(self._recording._step_at(rows), dtype=np.uint64)
         places = np.ascontiguousarray(columns, dtype=np.uint64)
-        values = self._recording._states.gather(self.name, steps, places)
+        values = self._recording._gather(self.name, steps, places)
         for axis, back in enumerate((row_of, column_of)):
             if back is not None:
                 values = values.take(back, axis=axis)

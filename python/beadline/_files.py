@@ -7,7 +7,7 @@ import signal
 import subprocess
 import tempfile
 import weakref
-from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +15,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from ._command import PROGRAM, Json, failure, run_command
+from ._extras import need
 from ._numbers import count, in_si
 from ._table import Table, range_of, read_csv
 
 if TYPE_CHECKING:
+    from xarray import Dataset
+
     from ._recording import Recording
 
 # how long a page may take to end (s)
@@ -146,20 +149,92 @@ def to_hdf5(
     """
     from ._hdf5 import write
 
-    steps = rec._steps_every(every)
+    steps = rec._steps_during("from_s, until_s", from_s, until_s, every)
+    write(rec, path, steps, _neighbours(rec, beads), force)
 
-    def time_s(step: int) -> float:
-        return step * rec.dt_s
 
-    begin = 0 if from_s is None else bisect_left(steps, in_si("from_s", from_s), key=time_s)
-    end = len(steps) if until_s is None else bisect_right(steps, in_si("until_s", until_s), key=time_s)
-    if begin >= end:
-        advice = "; every=1 recomputes the steps between" if every is None else ""
-        raise ValueError(f"from_s, until_s: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
+def _neighbours(rec: Recording, beads: slice | None) -> range:
     places = range(rec.beads)[slice(None) if beads is None else beads]
     if not places or places.step != 1:
         raise ValueError(f"beads: found {beads!r}; expected neighbours of the {rec.beads} beads, such as slice(10, 90)")
-    write(rec, path, steps[begin:end], places, force)
+    return places
+
+
+def to_parquet(
+    rec: Recording,
+    path: str | os.PathLike[str],
+    *,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    beads: slice | None = None,
+    every: int | None = None,
+    force: bool = False,
+) -> None:
+    """Writes the states as Parquet, as ``export`` does: a row for each state, and the chain in a table beside it. No package is needed.
+
+    Args:
+        path: The file.
+        from_s, until_s: The first and the last simulated time (s).
+        beads: Only these neighbours: ``slice(100, 200)``.
+        every: Only each of so many steps; by default the recorded ones.
+        force: Replace a file that exists.
+
+    Raises:
+        FileExistsError: If there is such a file.
+    """
+    export(rec, path, to="parquet", from_s=from_s, until_s=until_s, beads=beads, every=every, force=force)
+
+
+def to_zarr(
+    rec: Recording,
+    path: str | os.PathLike[str],
+    *,
+    from_s: float | None = None,
+    until_s: float | None = None,
+    beads: slice | None = None,
+    every: int | None = None,
+    fields: Sequence[str] | None = None,
+    force: bool = False,
+) -> None:
+    """Writes :meth:`to_xarray` as Zarr, some megabytes at a time: ``xarray.open_zarr`` reads it back.
+
+    Args:
+        path: The directory.
+        from_s, until_s: The first and the last simulated time (s).
+        beads: Only these neighbours, and the contacts between them: ``slice(100, 200)``.
+        every, fields: As for :meth:`to_xarray`.
+        force: Replace a directory of Zarr that exists.
+
+    Raises:
+        FileExistsError: If the path exists.
+        ValueError: If no state or no bead is there.
+    """
+    steps, places = rec._steps_during("from_s, until_s", from_s, until_s, every), _neighbours(rec, beads)
+    for package in ("zarr", "xarray"):
+        need(package, "zarr")
+    from ._xarray import dataset, write_zarr
+
+    part = {"bead": slice(places.start, places.stop), "contact": slice(places.start, places.stop - 1)}
+    write_zarr(dataset(rec, steps, fields).isel(part), path, force)
+
+
+def to_xarray(rec: Recording, every: int | None = None, fields: Sequence[str] | None = None) -> Dataset:
+    """A recording as a dataset of xarray, whose values are read, or computed, when they are needed.
+
+    Args:
+        every: One of so many steps; by default the recorded ones.
+        fields: Names of lazy arrays of the recording, such as ``["velocity", "force"]``; by default ``velocity``, ``displacement``,
+            ``overlap``, and those that only some runs have, such as ``dissipated``.
+
+    Its dimensions are ``time`` (s), ``bead``, ``contact`` and ``drive``; ``step``, which selects as ``time`` does, ``mass_kg`` and
+    ``stiffness`` are coordinates. The attribute ``manifest`` is the run as JSON; its main values are attributes, too.
+    ``xarray.open_dataset("run.mcap")`` gives the same dataset.
+    """
+    steps = rec._steps_every(every)
+    need("xarray")
+    from ._xarray import dataset
+
+    return dataset(rec, steps, fields)
 
 
 def thin(

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import __version__
 from ._extras import need
+from ._new import check_free
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers
@@ -27,7 +28,7 @@ def write(rec: Recording, path: str | os.PathLike[str], steps: range | Numbers, 
     path = os.fspath(path)
     partial = f"{path}.partial"
     for name in () if force else (path, partial):
-        _check_free(name)
+        check_free(name)
     # HDF5 locks it: whoever else writes it is an error, and keeps the file
     file = h5py.File(partial, "w")
     try:
@@ -37,17 +38,12 @@ def write(rec: Recording, path: str | os.PathLike[str], steps: range | Numbers, 
         with open(partial, "rb") as whole:
             os.fsync(whole.fileno())
         if not force:
-            _check_free(path)
+            check_free(path)
         os.replace(partial, path)
     except BaseException:
         with suppress(FileNotFoundError):
             os.remove(partial)
         raise
-
-
-def _check_free(path: str) -> None:
-    if os.path.lexists(path):
-        raise FileExistsError(f"{path} exists already; choose another name, or replace it with force=True")
 
 
 def _describe_run(file: Any, rec: Recording, places: range) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import base64
 import html as markup
+import time
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 # of a summary: most pixels of its map, and most doubles that are read for it
 _SMALL_ROWS, _SMALL_COLUMNS, _SMALL_DOUBLES = 180, 360, 20_000_000
+# most of its PNG; of noise it has fewer rows
+_SMALL_BYTES = 20_000
+# of a run that is computed for its map: most time (s), and steps of single beads from one look at the clock to the next
+_SMALL_S, _SMALL_WORK = 0.1, 100_000
 
 # rows that a table shows of itself at most, and of a longer one at its begin and at its end
 _ALL_SHOWN, _SHOWN = 30, 5
@@ -34,8 +39,13 @@ def of_recording(rec: Recording) -> str:
         rows = _rows(_summary(rec))
     except Exception as error:
         rows = f"<tr><td>{markup.escape(f'{type(error).__name__}: {error}')}</td></tr>"
+    return _beside(rows, lambda: _small_map(rec))
+
+
+def _beside(rows: str, draw: Callable[[], str]) -> str:
+    """A table, and a picture if it can be drawn."""
     try:
-        picture = _small_map(rec)
+        picture = draw()
     except Exception as error:
         picture = f"<em>no map: {markup.escape(f'{type(error).__name__}: {error}')}</em>"
     return (
@@ -74,12 +84,15 @@ def _small_map(rec: Recording) -> str:
     shades = np.nan_to_num(shades_of(low, high, is_log=True).of(drawn.values))
     pixels = (127 + (127 * shades).round()).astype(np.uint8)
     colours = (255 * see_through(np.linspace(-1, 1, 255))).round().astype(np.uint8)
-    data = base64.b64encode(png(pixels, colours)).decode()
+    data = png(pixels, colours)
+    while len(data) > _SMALL_BYTES:
+        pixels = pixels[::2]
+        data = png(pixels, colours)
     said = f"velocity over beads (across) and time (down), from {low:.3g} to {high:.3g} m/s"
     style = f"width:{_SMALL_COLUMNS}px;height:{_SMALL_ROWS}px;border:1px solid #8888"
     # a bead that has several pixels has edges
     style += ";image-rendering:pixelated" if rec.beads < _SMALL_COLUMNS / 2 else ""
-    image = f'<img alt="{said}" style="{style}" src="data:image/png;base64,{data}">'
+    image = f'<img alt="{said}" style="{style}" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
     return f"{image}<br><small>{said}</small>"
 
 
@@ -115,7 +128,7 @@ def _rows(rows: Iterable[tuple[str, object]]) -> str:
 
 
 def of_run(run: Run) -> str:
-    """A run in a few lines."""
+    """A run in a few lines, with a small map if it is computed at once."""
     physics = run.manifest["physics"]
     strikers = [physics["striker"], *physics.get("strikers", [])]
     struck = ", ".join(f"bead {one['bead']} at {one['velocity_m_s']:g} m/s" for one in strikers if one["velocity_m_s"])
@@ -126,7 +139,23 @@ def of_run(run: Run) -> str:
         ("steps", f"{run.steps:,} of {run.dt_s:.4g} s, {physics['method']}"),
         ("time", f"{1e3 * run.steps * run.dt_s:.4g} ms, {run.steps * run.dt_s / run.collision_time_s:,.0f} T"),
     ]
-    return f"<table>{_rows(rows)}</table>"
+    return _beside(_rows(rows), lambda: _map_of_run(run))
+
+
+def _map_of_run(run: Run) -> str:
+    frames = _SMALL_WORK // (run._manifest.beads * run._manifest.publish_every_steps)
+    until = time.monotonic() + _SMALL_S
+    if frames:
+        rec = run.simulate(
+            every=max(1, run.steps // _SMALL_ROWS),
+            on_frame=lambda _: time.monotonic() > until,
+            on_frame_every=frames,
+            progress=False,
+            yes=True,
+        )
+        if rec.last_step == run.steps:
+            return _small_map(rec)
+    return "<em>no map yet: run.simulate() and run.record() make one</em>"
 
 
 def of_state(state: State) -> str:

@@ -73,7 +73,7 @@ def map_of(
         raise ValueError(f"during_s: found {during_s}; expected a time in which there is a state")
     rows = min(rows, len(known))
     wanted = np.linspace(known[0], known[-1], rows)
-    steps = _nearest(known, wanted)
+    steps = nearest(known, wanted)
     which, back = np.unique(steps, return_inverse=True)
     rest = {"overlap": rec.rest_overlap_m, "force": rec.rest_force_n}.get(array.name)
     rest = rest[places.start : places.stop] if rest is not None else np.zeros(1)
@@ -92,7 +92,8 @@ def rows_of(rec: Recording, steps: Steps) -> Steps:
     return np.searchsorted(rec.steps, steps).astype(np.int64)
 
 
-def _nearest(known: range | Steps, wanted: Doubles) -> Steps:
+def nearest(known: range | Steps, wanted: Doubles) -> Steps:
+    """The nearest of ``known``, which ascend, to each number."""
     if isinstance(known, range):
         return (known.start + ((wanted - known.start) / known.step).round() * known.step).astype(
             np.int64

@@ -1,8 +1,7 @@
-"""Figures of recordings and of tables, and recordings as datasets of xarray."""
+"""Figures of recordings and of tables."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ._extras import need
-from ._map import Map, Shades, Steps, diverging, map_of, rows_of, shades_of
+from ._fields import FIELDS
+from ._map import Map, Shades, diverging, map_of, shades_of
 from ._numbers import count, in_si, name_and_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from xarray import Dataset
 
     from ._fields import FieldArray
     from ._native import Doubles
@@ -62,10 +61,6 @@ def _array(rec: Recording, field: str) -> FieldArray:
         raise ValueError(f"field: found {field!r}; expected one of {', '.join(_STATE_NAMES)}")
     array: FieldArray = getattr(rec, field)
     return array
-
-
-def _place(field: str) -> str:
-    return "contact" if field in ("overlap", "force") else "bead"
 
 
 def plot(
@@ -152,7 +147,7 @@ def plot(
     if states is not None and len(states) == 1:
         about = f"{rec.name}, {_at(states[0])} (step {states[0].step:,})"
     axes.set_title(about, loc="left", fontsize="small", color=_GREY, parse_math=False)
-    axes.set_xlabel(_place(field))
+    axes.set_xlabel(FIELDS[field][1])
     ticker: Any = need("matplotlib.ticker")
     # as many as there is room for
     most = 10 if places.stop < 10_000 else 5
@@ -298,7 +293,7 @@ def _draw_profiles(
             label="at rest",
         )
     # between its two contacts, where these are shown
-    half = 0.5 if _place(field) == "contact" else 0.0
+    half = 0.5 if FIELDS[field][1] == "contact" else 0.0
     impurities = [
         impurity["bead"] - half for impurity in rec.manifest["physics"].get("impurities", [])
     ]
@@ -318,65 +313,6 @@ def _draw_profiles(
     elif low < high:
         ax.set_ylim((low - 0.1 * (high - low)) * factor, (high + 0.1 * (high - low)) * factor)
     ax.set_ylabel(f"{field} ({unit})")
-
-
-def to_xarray(
-    rec: Recording,
-    every: int | None = None,
-    fields: Sequence[str] = ("velocity", "displacement", "overlap"),
-) -> Dataset:
-    """A recording as a dataset of xarray, whose values are read, or computed, when they are needed.
-
-    Args:
-        every: One of so many steps; by default the recorded ones.
-        fields: Some of ``"velocity"``, ``"displacement"``, ``"overlap"``, ``"force"``.
-
-    Its dimensions are ``time`` (s), ``bead`` and ``contact``; ``step``, ``mass_kg`` and
-    ``stiffness`` are coordinates, and the attribute ``manifest`` is the run as JSON.
-    """
-    steps: Steps = np.asarray(rec.recorded_steps if every is None else rec.steps[:: count("every", every)], np.int64)
-    xr: Any = need("xarray")
-    rows = rows_of(rec, steps)
-    variables = {
-        name: xr.Variable(
-            ("time", _place(name)),
-            _lazily(_array(rec, name), rows),
-            {"units": _array(rec, name).unit, "long_name": name},
-        )
-        for name in fields
-    }
-    time_attributes = {"units": "s", "long_name": "time"}
-    coordinates = {
-        "time": ("time", steps * rec.dt_s, time_attributes),
-        "step": ("time", steps),
-        "bead": ("bead", np.arange(rec.beads)),
-        "contact": ("contact", np.arange(len(rec.stiffness))),
-        "mass_kg": ("bead", rec.mass_kg, {"units": "kg", "long_name": "mass"}),
-        "stiffness": ("contact", rec.stiffness, {"units": "N m^-alpha", "long_name": "stiffness"}),
-    }
-    attributes = {"name": rec.name, "manifest": json.dumps(rec.manifest)}
-    dataset: Dataset = xr.Dataset(variables, coordinates, attributes)
-    return dataset
-
-
-def _lazily(array: FieldArray, rows: Steps) -> Any:
-    """Some rows of an array as xarray reads lazily."""
-    indexing: Any = need("xarray.core.indexing")
-    backends: Any = need("xarray.backends")
-
-    class Lazy(backends.BackendArray):  # type: ignore[misc]
-        shape = (len(rows), array.shape[1])
-        dtype = array.dtype
-
-        def __getitem__(self, key: Any) -> Any:
-            kind = indexing.IndexingSupport.OUTER
-            return indexing.explicit_indexing_adapter(key, self.shape, kind, self._read)
-
-        def _read(self, key: tuple[Any, Any]) -> Doubles:
-            # each index is for its own axis
-            return np.asarray(array[rows[key[0]]][..., key[1]])
-
-    return indexing.LazilyIndexedArray(Lazy())
 
 
 def plot_table(table: Table, y: str | Sequence[str] | None, x: str | None, ax: Axes | None) -> Axes:

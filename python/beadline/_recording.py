@@ -7,7 +7,8 @@ import operator
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from types import TracebackType
@@ -18,8 +19,9 @@ import numpy.typing as npt
 
 from . import _files, _html, _native, _plot
 from ._analyses import Analyses
-from ._chain import number
-from ._fields import FieldArray, FieldName, Index, check_memory
+from ._chain import number, numbers
+from ._fields import FIELDS, PARTS, FieldArray, FieldName, Index, check_memory
+from ._map import nearest, rows_of
 from ._numbers import count
 from ._table import Table, analyse
 from .errors import RecordingError
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
 
 Array = TypeVar("Array", bound=npt.NDArray[Any])
 
-_OF_CONTACTS = ("overlap", "force")
 # of states that are read one after the other, how much is read at once
 _BLOCK_BYTES = 32_000_000
 
@@ -325,11 +326,29 @@ class Recording(Analyses):
         found: Numbers = np.asarray(rows + steps.start if isinstance(steps, range) else steps[rows], np.uint64)
         return found
 
+    @cached_property
+    def _parts(self) -> dict[FieldName, Index]:
+        """Columns of the parts that this run has, in a row of all doubles of a state."""
+        # parts are taken from the numbers of the columns as they are from the doubles
+        columns = self._manifest.parts_of(np.arange(2.0 * self.beads, self._manifest.frame_doubles))
+        return {name: part.astype(np.intp) for name, part in zip(PARTS, columns, strict=True) if part.size}
+
     def _field(self, name: FieldName) -> FieldArray:
-        places = self.beads - 1 if name in _OF_CONTACTS else self.beads
-        if name.startswith("resonator") and not self._manifest.rows[0]:
-            raise AttributeError(f"the run has no resonators, so no {name}", name=name, obj=self)
+        if name in PARTS and name not in self._parts:
+            raise AttributeError(f"the run has no {PARTS[name]}, so no {name}", name=name, obj=self)
+        places = {"bead": self.beads, "contact": self.beads - 1, "drive": self._manifest.rows[2]}[FIELDS[name][1]]
         return FieldArray(self, name, range(len(self.steps)), range(places))
+
+    def _gather(self, name: FieldName, steps: Numbers, places: Numbers) -> Doubles:
+        """The values of a field at steps, which ascend, and at places: a row for each step."""
+        if name not in PARTS or name.startswith("resonator"):
+            return self._states.gather(name, steps, places)
+        columns, found = self._parts[name][places], np.empty((len(steps), len(places)))
+        begin = 0
+        for block, doubles in self._blocks(steps):
+            found[begin : begin + len(block)] = doubles[:, columns]
+            begin += len(block)
+        return found
 
     @property
     def displacement(self) -> FieldArray:
@@ -368,6 +387,42 @@ class Recording(Analyses):
             AttributeError: If there are none.
         """
         return self._field("resonator_velocity")
+
+    @property
+    def dissipated(self) -> FieldArray:
+        """Energy that was dissipated so far (J), shape (steps, N): in a step as ``dissipated_j`` of its :class:`State`.
+
+        Raises:
+            AttributeError: If the run has no damping and no drag.
+        """
+        return self._field("dissipated")
+
+    @property
+    def drive_work(self) -> FieldArray:
+        """Work that each drive has done so far (J), shape (steps, drives).
+
+        Raises:
+            AttributeError: If there are none.
+        """
+        return self._field("drive_work")
+
+    @property
+    def drive_displacement(self) -> FieldArray:
+        """Displacement (m) of the wall or bead that each drive moves, shape (steps, drives); 0 of a force.
+
+        Raises:
+            AttributeError: If there are none.
+        """
+        return self._field("drive_displacement")
+
+    @property
+    def bath_heat(self) -> FieldArray:
+        """Heat that baths have given so far (J), shape (steps, N): in a step as ``heat_j`` of its :class:`State`.
+
+        Raises:
+            AttributeError: If there are none.
+        """
+        return self._field("bath_heat")
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -409,15 +464,87 @@ class Recording(Analyses):
         Raises:
             ValueError: If the recording does not reach there.
         """
-        time_s = number("time_s", time_s)
-        step = round(time_s / self.dt_s) if np.isfinite(time_s) else -1
-        if not self.first_step <= step <= self.last_step:
+        return self[int(self._steps_near(number("time_s", time_s), self.steps))]
+
+    def sel(
+        self,
+        *,
+        time_s: float | slice | Sequence[float] | Doubles | None = None,
+        bead: int | slice | Sequence[int] | npt.NDArray[Any] | None = None,
+        every: int | None = None,
+    ) -> Table:
+        """Displacements and velocities at times and beads: a table with a row for each time and bead.
+
+        Args:
+            time_s: A time (s), or several: the nearest steps. Or ``slice(0.04, 0.05)``: steps from the one to the other, both included.
+                By default the whole run.
+            bead: A bead, several, or ``slice(490, 510)``; by default all.
+            every: Only each of so many steps; by default the recorded ones, of single times any step.
+
+        Raises:
+            ValueError: If the recording has no such time, or the chain no such bead.
+            MemoryError: If there is not enough of it.
+        """
+        if time_s is None or isinstance(time_s, slice):
+            part = time_s or slice(None)
+            if part.step is not None:
+                raise ValueError(f"time_s: found {part}; expected the first and the last time (s); every=… takes fewer steps")
+            steps = np.asarray(self._steps_during("time_s", part.start, part.stop, every), np.int64)
+        else:
+            among = self.steps if every is None else self._steps_every(every)
+            times_s = np.atleast_1d(numbers("time_s", time_s))
+            if not times_s.size or times_s.ndim > 1:
+                raise ValueError(f"time_s: found {time_s!r}; expected a time (s), a list or a slice")
+            steps = self._steps_near(times_s, among)
+        beads = self._beads(bead)
+        what = f"a table of {len(steps):,} × {len(beads):,} rows"
+        check_memory(what, 5 * 8 * len(steps) * len(beads), "take fewer times or beads, or every=…")
+        rows = rows_of(self, steps)
+        return Table(
+            {
+                "step": steps.repeat(len(beads)),
+                "time_s": (steps * self.dt_s).repeat(len(beads)),
+                "bead": np.tile(beads, len(steps)),
+                "displacement_m": np.ravel(self.displacement[rows][:, beads]),
+                "velocity_m_s": np.ravel(self.velocity[rows][:, beads]),
+            }
+        )
+
+    def _steps_near(self, times_s: float | Doubles, steps: range | Numbers) -> npt.NDArray[np.int64]:
+        """The nearest of ``steps`` to each time."""
+        wanted = np.asarray(times_s) / self.dt_s
+        inside = (np.rint(wanted) >= self.first_step) & (np.rint(wanted) <= self.last_step)
+        if not inside.all():
             begin_s, end_s = self.first_step * self.dt_s, self.last_step * self.dt_s
-            raise ValueError(f"time_s: found {time_s:g}; the recording has {begin_s:g} s to {end_s:g} s")
-        if not self.recomputes:
-            steps = self.recorded_steps.astype(np.int64)
-            step = int(steps[np.abs(steps - step).argmin()])
-        return self[step]
+            found = np.atleast_1d(times_s)[~np.atleast_1d(inside)][0]
+            raise ValueError(f"time_s: found {found:g}; the recording has {begin_s:g} s to {end_s:g} s")
+        return nearest(steps if isinstance(steps, range) else steps.astype(np.int64), wanted)
+
+    def _steps_during(self, key: str, from_s: float | None, until_s: float | None, every: int | None) -> range | Numbers:
+        """The recorded steps, or every so many, between two times, both included."""
+        steps = self._steps_every(every)
+
+        def time_s(step: int) -> float:
+            return step * self.dt_s
+
+        first_s = -np.inf if from_s is None else number(key, from_s)
+        last_s = np.inf if until_s is None else number(key, until_s)
+        begin, end = bisect_left(steps, first_s, key=time_s), bisect_right(steps, last_s, key=time_s)
+        if begin >= end or np.isnan([first_s, last_s]).any():
+            advice = "; every=1 recomputes the steps between" if every is None else ""
+            raise ValueError(f"{key}: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
+        return steps[begin:end]
+
+    def _beads(self, bead: Any) -> Index:
+        """The numbers of beads that a number, a list, a mask or a slice takes."""
+        found: Index = np.arange(self.beads)
+        try:
+            found = np.atleast_1d(found[slice(None) if bead is None else bead])
+        except (IndexError, TypeError):
+            found = found[:0]
+        if not len(found) or found.ndim > 1:
+            raise ValueError(f"bead: found {bead!r}; expected beads from 0 to {self.beads - 1}: a number, a list or a slice")
+        return found
 
     def states(self, every: int | None = None) -> Iterator[State]:
         """States one after the other: those that are kept, or every so many steps."""
@@ -461,11 +588,13 @@ class Recording(Analyses):
     share = _files.share
     export = _files.export
     to_hdf5 = _files.to_hdf5
+    to_parquet = _files.to_parquet
+    to_zarr = _files.to_zarr
     thin = _files.thin
     recover = _files.recover
     view = _files.view
     plot = _plot.plot
-    to_xarray = _plot.to_xarray
+    to_xarray = _files.to_xarray
     _repr_html_ = _html.of_recording
 
     def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:

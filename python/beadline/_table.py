@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._command import Json, run_command
+from ._new import check_free
 from ._numbers import count, in_si, shown, unit_of
 
 if TYPE_CHECKING:
@@ -123,8 +124,8 @@ class Table(dict[str, Column]):
             FileExistsError: If there is such a file.
         """
         path = Path(path)
-        if path.exists() and not force:
-            raise FileExistsError(f"{path} exists already; choose another name, or replace it with force=True")
+        if not force:
+            check_free(path)
         partial = path.with_name(f"{path.name}.partial")
         try:
             with partial.open("w", newline="", encoding="utf-8") as file:

@@ -118,10 +118,10 @@ def of_tables(analysis: dict[str, Any]) -> str:
     """A class with the further tables of an analysis."""
     first, *others = analysis["tables"]
     name = class_of(analysis)
-    attributes = "\n".join(wrapped(f"        {one['flag']}: {one['about']}.", 8) for one in others)
-    attributes = "\n".join("        " + line.strip() if i == 0 else line for i, line in enumerate(attributes.split("\n")))
-    flags = ", ".join(f"{one['flag']}: Table" for one in others)
-    kept = "\n".join(f"        self.{one['flag']} = {one['flag']}" for one in others)
+    names = [one["flag"].replace("-", "_") for one in others]
+    attributes = "\n".join("        " + wrapped(f"{name}: {one['about']}.", 8) for name, one in zip(names, others, strict=True))
+    flags = ", ".join(f"{name}: Table" for name in names)
+    kept = "\n".join(f"        self.{name} = {name}" for name in names)
     return f'''
 class {name}(Table):
     """{first["about"]}.

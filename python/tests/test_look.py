@@ -151,6 +151,27 @@ def test_a_summary_has_a_picture_and_says_what_there_is(rec: bl.Recording) -> No
     assert image[0, -1, 3] == 0.0
 
 
+def test_a_summary_of_noise_is_as_small_as_others() -> None:
+    chain = bl.Chain(beads=400, mass_kg=1e-3, alpha=1.5, stiffness=1e7, precompression_n=1.0, left="fixed", right="fixed")
+    hot = bl.Run(chain, initial={"thermal": {"energy_j": 1e-9}}, seed=1, duration_s=2e-3).simulate(every=5)
+    page = hot._repr_html_()
+    assert "data:image/png" in page and len(page) < 30_000
+
+
+def test_a_run_that_is_computed_at_once_has_a_map(rec: bl.Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = bl.Run.from_recording(rec)
+    # on a busy machine, too
+    monkeypatch.setattr(_html, "_SMALL_S", 60.0)
+    [data] = re.findall(r"data:image/png;base64,([^\"]+)", run._repr_html_())
+    assert matplotlib.image.imread(io.BytesIO(base64.b64decode(data))).shape == (180, 60, 4)
+    monkeypatch.setattr(_html, "_SMALL_S", -1.0)
+    # years of work, and frames that are too far apart to look at the clock
+    apart = {"stream.publish_every_steps": 10**5, "stream.record_every_steps": 10**5}
+    for long in (run, run.replace({"time.duration_s": 1e6}), run.replace(apart)):
+        page = long._repr_html_()
+        assert "60 beads" in page and "no map yet: run.simulate() and" in page
+
+
 def test_runs_states_and_tables_show_themselves(rec: bl.Recording) -> None:
     run = bl.Run.from_recording(rec)
     assert "60 beads, α = 1.5" in run._repr_html_() and "bead 0 at 5 m/s" in run._repr_html_()

@@ -173,6 +173,9 @@ def test_counts_are_whole_and_fit() -> None:
             lambda every: list(rec.states(every=every)),
             lambda every: rec.share("x.html", every=every),
             lambda every: rec.to_hdf5("x.h5", every=every),
+            lambda every: rec.to_parquet("x.parquet", every=every),
+            lambda every: rec.to_zarr("x.zarr", every=every),
+            lambda every: rec.sel(bead=0, every=every),
         ):
             with pytest.raises(ValueError, match=f"^every: found {every}; expected "):
                 ask(every=every)  # type: ignore[operator]

@@ -14,7 +14,6 @@ use crate::config_error::ConfigError;
 use crate::drive::Waveform;
 use crate::functions::Moment;
 use crate::json_schema::positive;
-use crate::random::normals;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -65,6 +64,11 @@ impl Bath {
         if temperature_j > 0.0 { temperature_j } else { 0.0 }
     }
 
+    /// True if its temperature is the same at all times.
+    pub fn is_steady(&self) -> bool {
+        matches!(self.written(), None | Some((_, Waveform::Constant(_))))
+    }
+
     /// The largest `k_B·T` (J), for scales.
     pub(crate) fn hottest_j(&self) -> f64 {
         let joule = self.temperature_j.iter().map(Waveform::largest);
@@ -77,10 +81,12 @@ impl Bath {
         joule.or(self.temperature_k.as_ref().map(|kelvin| ("temperature_k", kelvin)))
     }
 
-    /// The two normal numbers of a step at a bead, or at the contact on its right: for the half before the step and for the half after it.
-    #[inline(always)]
-    pub fn noise(&self, seed: u64, step: u64, place: u32) -> [f64; 2] {
-        normals(seed, step, [place, if self.pairs { 2 } else { 1 }])
+    /// The second word of the stream of its noise. At step n of place i, the half before and the half after have the two [`normals`] of index n in the
+    /// stream (i, this word); i is a bead, or the contact on its right.
+    ///
+    /// [`normals`]: crate::random::normals
+    pub fn stream(&self) -> u32 {
+        if self.pairs { 2 } else { 1 }
     }
 
     /// Refuses a bath that no run of `duration_s` can have; `key` is its place in the configuration: `bath[0]`.

@@ -96,7 +96,7 @@ pub struct RunConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChainConfig {
-    /// Number of beads N.
+    /// Number of beads N, 2 to 20,000,000.
     #[schemars(range(min = 2))]
     pub beads: u64,
     /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: the first sphere gives it.

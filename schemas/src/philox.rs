@@ -64,7 +64,7 @@ pub fn uniform(seed: u64, stream: u32, index: u64) -> f64 {
 /// The low and the high word.
 #[expect(clippy::cast_possible_truncation, reason = "words are what is wanted")]
 #[inline(always)]
-fn halves(value: u64) -> [u32; 2] {
+pub fn halves(value: u64) -> [u32; 2] {
     [value as u32, (value >> 32) as u32]
 }
 

@@ -289,7 +289,7 @@ mod tests {
             ("driven-damped", 80_000),
             ("absorbing", 67_593),
             ("resonators", 50_000),
-            ("toda", 8_155),
+            ("toda", 4_693),
             ("piston", 26_667),
             ("thermal", 6_205),
             ("hot-and-cold", 100_000),

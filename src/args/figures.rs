@@ -100,7 +100,7 @@ pub(crate) enum ColoursArg {
     beadline plot sweep/results.csv                            what a sweep has found\n  \
     beadline plot sweep/results.csv --x chain.alpha --y forward_v_peak_m_s --by time.dt_s\n  \
     beadline plot sweep/ensemble.csv --y total_j --band        mean ± standard error\n  \
-    beadline plot sweep/ensemble-series.csv --y spreading.second_moment_beads2 --fit=0.01..\n  \
+    beadline plot sweep/ensemble-series.csv --y modal.mean_distance --fit=100.. --slope=-1\n  \
     beadline plot sweep/results.csv --heat reflected_over_total --log none\n\n\
     Velocity, displacement, overlap and energy density are drawn along the chain at one time (--at, --frame; recomputed where a \
     recording does not hold it), or over space and time; of a cell that stands for several beads or frames the \
@@ -153,6 +153,9 @@ pub(crate) struct PlotArgs {
         conflicts_with = "heat"
     )]
     pub(crate) fit: Option<(f64, f64)>,
+    /// A power law of this exponent beside a curve; repeatable, in the order of the curves, the last for all further ones
+    #[arg(long, value_name = "EXPONENT", help_heading = TABLES, conflicts_with = "heat")]
+    pub(crate) slope: Vec<f64>,
     /// Logarithmic axes: x, y, x,y or none [default: those of swept columns whose values follow each other by the logarithm]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y|none", value_delimiter = ',', help_heading = TABLES)]
     pub(crate) log: Vec<AxisArg>,

@@ -77,7 +77,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     let (keyboard, stop) = Keyboard::open()?;
     // a run that others may have found, or with keys, leaves in order; one that goes on is a file that others know
     signals::leaves_nothing(
-        args.no_publish && args.resume.is_none() && spool.is_none() && keyboard.is_none(),
+        !args.publishes() && args.resume.is_none() && spool.is_none() && keyboard.is_none(),
     );
     let prepared = start.prepare(args, &configured, &options, &stop);
     let Ok(Some((mut publisher, begun))) = prepared else {
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         tell_what_stays(path, spool.as_ref());
     }
     let (mut outcome, recording, counts) = (result?, recording?, counts?);
-    if args.no_publish {
+    if !args.publishes() {
         outcome.published_count = 0;
     }
     if let Some(old) = old {
@@ -210,10 +210,10 @@ impl Start {
             stop: Arc::clone(stop),
             ..PublishOptions::default()
         };
-        let mut publisher = if args.no_publish {
-            Outlet::Nowhere
-        } else {
+        let mut publisher = if args.publishes() {
             Outlet::Bus(Box::new(publishing::open(&configured.manifest, &publish, args.wait_for)?))
+        } else {
+            Outlet::Nowhere
         };
         let recorder = match &self {
             Self::Fresh(Some(path)) => {

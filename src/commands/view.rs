@@ -9,17 +9,17 @@ use crate::display;
 use crate::failure::{BadInput, Done, Failure};
 use crate::signals;
 use anyhow::Context as _;
-use bus::Bus;
 use page::Server;
 use shelf::Runs;
-use std::fs;
 use std::io::Write as _;
 use std::net::SocketAddr;
-use std::os::unix::fs::OpenOptionsExt as _;
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use tempfile::NamedTempFile;
+
+/// Programs that open a page in the user's browser.
+const BROWSERS: [&str; 3] = ["xdg-open", "open", "sensible-browser"];
 
 pub(crate) fn view(args: &ViewArgs) -> Result<Done, Failure> {
     if args.host.is_unspecified() || args.host.is_multicast() {
@@ -41,7 +41,7 @@ pub(crate) fn view(args: &ViewArgs) -> Result<Done, Failure> {
     }
     display::print(format_args!("{}\n", server.url()))?;
     notice!("Ctrl-C ends it");
-    let opened = if args.open { Opened::browser(&server.url()) } else { None };
+    let opened = if args.open { open_browser(&server.url()) } else { None };
     let served = server.run(Arc::clone(&runs) as Arc<_>, &stop);
     stop.store(true, Ordering::Relaxed);
     runs.wait();
@@ -49,36 +49,20 @@ pub(crate) fn view(args: &ViewArgs) -> Result<Done, Failure> {
     Ok(served.map(|()| Done::Whole)?)
 }
 
-/// A file that sends a browser to the address: every user of the machine sees the words of a command line, and this file
-/// is ours alone.
-struct Opened(PathBuf);
-
-impl Opened {
-    fn browser(url: &str) -> Option<Self> {
-        let told = || notice!("no browser could be opened; open the address above");
-        let root = Bus::from_env().ok()?.root().to_owned();
-        let file = Self(root.join(format!("view-{}.html", std::process::id())));
-        let page = format!("<!doctype html><meta http-equiv=\"refresh\" content=\"0;url={url}\">\n");
-        let made = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&file.0);
-        if made.and_then(|mut made| made.write_all(page.as_bytes())).is_err() {
-            told();
-            return None;
-        }
-        let open = |program: &&str| {
-            let mut command = Command::new(program);
-            command.arg(&file.0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-            command.spawn().is_ok()
-        };
-        if !["xdg-open", "open", "sensible-browser"].iter().any(open) {
-            told();
-        }
-        Some(file)
+/// Opens the address in a browser, by a file that is removed when it is dropped: every user of the machine sees the words of
+/// a command line, and this file is ours alone.
+fn open_browser(url: &str) -> Option<NamedTempFile> {
+    let page = format!("<!doctype html><meta http-equiv=\"refresh\" content=\"0;url={url}\">\n");
+    let made = tempfile::Builder::new().prefix("beadline-view-").suffix(".html").tempfile();
+    let made = made.and_then(|mut file| file.write_all(page.as_bytes()).map(|()| file)).ok();
+    let open = |file: &NamedTempFile, program: &str| {
+        let mut command = Command::new(program);
+        command.arg(file.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().is_ok()
+    };
+    let opened = made.filter(|file| BROWSERS.iter().any(|program| open(file, program)));
+    if opened.is_none() {
+        notice!("no browser could be opened; open the address above");
     }
-}
-
-impl Drop for Opened {
-    fn drop(&mut self) {
-        // at best: its token is of no use any more
-        let _ = fs::remove_file(&self.0);
-    }
+    opened
 }

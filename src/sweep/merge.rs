@@ -213,7 +213,8 @@ impl Wide {
 
 impl<'a> Tables<'a> {
     fn create(sweep: &Sweep, directory: &'a Directory) -> Result<Self, TableError> {
-        let (columns, lines) = (&directory.head().columns, Lines::of(sweep));
+        let columns = &directory.head().columns;
+        let lines = Lines::of(sweep, columns);
         let ensemble = EnsembleTable::new(sweep, columns).map(|rows| -> Result<_, TableError> {
             let lines = lines.as_ref().map(|lines| rows.lines(lines));
             let tables = Wide::create(ENSEMBLES, &rows.columns(), lines, directory)?;

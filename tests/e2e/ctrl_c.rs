@@ -25,7 +25,7 @@ use At::{Bare, Wait, Work};
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
 /// steps, `loaded.mcap` a chain whose modes take long, `slow.toml` an orbit of many steps, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 49] = [
+const LONG: [(&str, At, &[&str]); 50] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -49,6 +49,7 @@ const LONG: [(&str, At, &[&str]); 49] = [
     ("pulses long.mcap --every-step", Work, &[]),
     ("spreading long.mcap --every-step", Work, &[]),
     ("heat long.mcap --every-step", Work, &[]),
+    ("correlations long.mcap --every-step", Work, &[]),
     ("modal loaded.mcap --every-step", Work, &[]),
     ("lyapunov long.mcap --exponents 4", Work, &[]),
     ("orbit slow.toml --out slow", Work, &["slow"]),

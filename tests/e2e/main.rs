@@ -1,6 +1,8 @@
 //! Tests through the built command, as a user meets it. Each test has a directory and a bus of its own.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, reason = "a test that cannot go on says where")]
 
+#[cfg(not(feature = "live"))]
+mod absent;
 mod any_chain;
 mod any_input;
 mod any_sweep;
@@ -15,6 +17,7 @@ mod deformation;
 mod disk;
 mod editors;
 mod engines;
+mod ensemble_physics;
 mod ensembles;
 mod export;
 mod faults;

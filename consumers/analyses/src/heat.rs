@@ -1,11 +1,15 @@
 //! Heat in a chain: the current along it, the temperature of each bead, and the conductivity, with errors.
 
+mod green_kubo;
+
 use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, TableFlag,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, Setting,
+    TableFlag, Takes,
 };
 use consumers::blocks::{Blocks, Estimate};
 use consumers::table::{Cell, Column};
 use figure::{Axis, Curve, Figure, FigureError, Panel};
+use green_kubo::{GreenKubo, Point, panel};
 use schemas::amounts::{number, quantity};
 use schemas::chain::Chain;
 use schemas::drive::Waveform;
@@ -20,17 +24,31 @@ pub static OFFER: Offer = Offer {
     help: "Examples:\n  \
         beadline heat run.mcap --from 200 --figure heat.png\n  \
         beadline heat run.mcap --from 200 --profile profile.csv --out current.csv\n  \
+        beadline heat ring.mcap --from 200 --lag 100 --green-kubo kappa.csv --figure heat.png\n  \
         beadline heat live:hot --figure heat.svg             while the run goes on\n\n\
         The current from bead i to bead i + 1 is J = ½·F·(v_i + v_(i+1)) with the force F of their contact beyond that at rest: the power that \
         moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
         doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between the \
         first and the last bath, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
-        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown.",
+        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown.\n\n\
+        Without a difference of temperature the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
+        current of all n contacts less its mean, and T the temperature of the chain, from its mean kinetic energy. It is shown over τ: where it stays level it is the conductivity; \
+        where it goes on growing the chain has none, as long chains that conserve momentum. Take a ring, or baths on all beads: between ends κ(τ) comes back to 0. Frames have to be evenly spaced, and \
+        closer than the current changes; no pair of them has a gap between.",
+    settings: &[Setting::new(
+        "lag",
+        Takes::number("s", Allowed::AboveZero),
+        "Longest lag of the conductivity from fluctuations (s) [default: a twentieth of the time that is looked at, at most 16384 frames]",
+    )],
     tables: &[
         TableFlag { name: "out", help: "Table of the numbers in each frame" },
         TableFlag {
             name: "profile",
             help: "Table of the beads: temperature, current to the next bead, errors",
+        },
+        TableFlag {
+            name: "green-kubo",
+            help: "Table of the lags: autocorrelation of the current of all contacts, conductivity up to the lag, errors",
         },
     ],
     columns: &[
@@ -51,6 +69,9 @@ pub static OFFER: Offer = Offer {
         Meaning::number("temperature_error_j", "its standard error"),
         Meaning::number("conductivity_per_s", "conductivity between the first and the last bath"),
         Meaning::number("conductivity_error_per_s", "its standard error"),
+        Meaning::number("green_kubo_per_s", "conductivity from fluctuations, up to the longest lag"),
+        Meaning::number("green_kubo_error_per_s", "its standard error"),
+        Meaning::number("green_kubo_lag_s", "that lag"),
     ],
     needs: Needs { remake: Remake::OfFrame, ..Needs::FRAMES },
     begin: |beginning| Ok(Box::new(Heat::begin(beginning)?)),
@@ -60,11 +81,19 @@ pub static OFFER: Offer = Offer {
 /// The most beads: each takes a hundred numbers.
 const MOST_BEADS: usize = 100_000;
 
+/// An estimate of nothing.
+const NONE: Estimate = Estimate { mean: f64::NAN, error: f64::NAN, memory_frames: f64::NAN };
+
 struct Heat {
     manifest: RunManifest,
     chain: Chain,
-    /// The contacts that do not lie within a bath; all if there are none.
+    /// Contacts between beads, in a ring with the last one to bead 0.
+    contacts: usize,
+    /// Those that do not lie within a bath; all if there are none.
     inner: Vec<usize>,
+    green_kubo: GreenKubo,
+    /// Its outcome, once no more frames come.
+    points: Vec<Point>,
     /// Temperature (J) of each bead, current (W) through each contact between beads.
     places: Blocks,
     /// The row of each frame.
@@ -90,18 +119,23 @@ impl Heat {
             let written = bath.temperature_j.as_ref().or(bath.temperature_k.as_ref());
             matches!(written, Some(Waveform::Constant(_))).then(|| bath.temperature_j(start))
         };
+        let contacts = if chain.is_ring { beads } else { beads - 1 };
         let within = |c: &usize| {
             baths.iter().any(|bath| {
-                let beads = bath.beads.range();
-                beads.contains(c) && beads.contains(&(c + 1))
+                let of_bath = bath.beads.range();
+                of_bath.contains(c) && of_bath.contains(&((c + 1) % beads))
             })
         };
-        let inner: Vec<usize> = (0..beads - 1).filter(|c| !within(c)).collect();
+        let inner: Vec<usize> = (0..contacts).filter(|c| !within(c)).collect();
+        let last_step = manifest.physics.step_count.min(*beginning.steps.end());
         let ends = baths.first().and_then(constant).zip(baths.last().and_then(constant));
         Ok(Self {
             baths_j: ends.filter(|(first, last)| first != last).map(<[f64; 2]>::from),
-            inner: if inner.is_empty() { (0..beads - 1).collect() } else { inner },
-            places: Blocks::new(2 * beads - 1),
+            inner: if inner.is_empty() { (0..contacts).collect() } else { inner },
+            green_kubo: GreenKubo::new(beginning.settings.one("lag"), manifest.physics.dt_s, last_step),
+            points: Vec::new(),
+            places: Blocks::new(beads + contacts),
+            contacts,
             rows: Blocks::new(2),
             times_s: None,
             chain,
@@ -111,8 +145,17 @@ impl Heat {
 
     /// The current (W) through contact `c` between two beads.
     fn current_w(&self, c: usize, frame: &Frame<'_>) -> f64 {
-        let force_n = self.chain.contact_force_n(frame.u_m, c) - self.chain.rest_force_n[c];
-        0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[c + 1])
+        let force_n = if c + 1 < self.chain.bead_count() {
+            self.chain.contact_force_n(frame.u_m, c) - self.chain.rest_force_n[c]
+        } else {
+            self.chain.wall_forces_n(frame.u_m, frame.extra)[0] - self.chain.walls.left.rest_force_n
+        };
+        0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()])
+    }
+
+    /// The conductivity over the lag from fluctuations, and the current's autocorrelation.
+    fn fluctuations(&self) -> Vec<Point> {
+        self.green_kubo.points(self.inner.len(), self.rows.estimate(1))
     }
 
     /// Current (W), temperature (J) and conductivity (1/s).
@@ -129,8 +172,10 @@ impl Heat {
     }
 
     /// The numbers of the summary.
-    fn numbers(&self) -> [(&'static str, f64); 7] {
+    fn numbers(&self) -> [(&'static str, f64); 10] {
         let [current, temperature, conductivity] = self.found();
+        let none = (f64::NAN, [f64::NAN; 2], [f64::NAN; 2]);
+        let (lag_s, _, [kubo, kubo_error]) = self.points.last().copied().unwrap_or(none);
         [
             ("current_w", current.mean),
             ("current_error_w", current.error),
@@ -139,6 +184,9 @@ impl Heat {
             ("temperature_error_j", temperature.error),
             ("conductivity_per_s", conductivity.mean),
             ("conductivity_error_per_s", conductivity.error),
+            ("green_kubo_per_s", kubo),
+            ("green_kubo_error_per_s", kubo_error),
+            ("green_kubo_lag_s", lag_s),
         ]
     }
 
@@ -160,18 +208,29 @@ impl Heat {
 
 impl Analysis for Heat {
     fn columns(&self, table: usize) -> Vec<Column> {
-        let names = ["bead", "temperature_j", "temperature_error_j", "current_w", "current_error_w"];
-        if table == 1 { names.map(|name| name.to_owned().into()).into() } else { Vec::new() }
+        let names: &[&str] = match table {
+            1 => &["bead", "temperature_j", "temperature_error_j", "current_w", "current_error_w"],
+            2 => &[
+                "lag_s",
+                "autocorrelation_w2",
+                "autocorrelation_error_w2",
+                "conductivity_per_s",
+                "conductivity_error_per_s",
+            ],
+            _ => &[],
+        };
+        names.iter().map(|name| (*name).to_owned().into()).collect()
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let beads = self.chain.bead_count();
         let temperatures = self.chain.mass_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v * v));
-        let currents = (0..beads - 1).map(|c| self.current_w(c, frame));
+        let currents = (0..self.contacts).map(|c| self.current_w(c, frame));
         let all: Vec<f64> = temperatures.chain(currents).collect();
         let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
         let flowing_w = self.inner.iter().fold(0.0, |sum, c| sum + all[beads + c]);
         let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / beads as f64];
+        self.green_kubo.push(frame.step, flowing_w);
         self.places.push(all);
         self.rows.push(row);
         self.times_s = Some([self.times_s.map_or(frame.time_s, |[first_s, _]| first_s), frame.time_s]);
@@ -179,19 +238,20 @@ impl Analysis for Heat {
     }
 
     fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
-        if !out.wants(1) {
-            return Ok(());
-        }
-        let beads = self.chain.bead_count();
+        self.green_kubo.check()?;
+        self.points = self.fluctuations();
         let cell = |value: f64| Cell::from(Number::Double(value));
-        for bead in 0..beads {
+        for bead in 0..if out.wants(1) { self.chain.bead_count() } else { 0 } {
             let temperature = self.temperature(bead);
-            let current = (bead + 1 < beads).then(|| self.current(bead));
-            let current =
-                current.unwrap_or(Estimate { mean: f64::NAN, error: f64::NAN, memory_frames: f64::NAN });
+            let current = if bead < self.contacts { self.current(bead) } else { NONE };
             let values = [temperature.mean, temperature.error, current.mean, current.error].map(cell);
             let line: Vec<Cell> = [Cell::Integer(bead as u64)].into_iter().chain(values).collect();
             out.line(1, &line);
+        }
+        for (lag_s, product, conductivity) in self.points.iter().filter(|_| out.wants(2)).collect::<Vec<_>>()
+        {
+            let line = [&[*lag_s][..], product, conductivity].concat();
+            out.line(2, &line.into_iter().map(cell).collect::<Vec<_>>());
         }
         Ok(())
     }
@@ -211,6 +271,10 @@ impl Analysis for Heat {
         if self.baths_j.is_some() {
             let [kappa, error] = [conductivity.mean, conductivity.error].map(number);
             words.add("conductivity", format_args!("{kappa} ± {error} 1/s"));
+        }
+        if let Some((lag_s, _, kubo)) = self.points.last().filter(|_| self.baths_j.is_none()) {
+            let ([kappa, error], up_to) = (kubo.map(number), quantity(*lag_s, "s"));
+            words.add("Green-Kubo", format_args!("{kappa} ± {error} 1/s from lags up to {up_to}"));
         }
         report.results = self.numbers().map(|(name, number)| (name, json!(number))).into_iter().collect();
         if current.error.is_nan() {
@@ -234,16 +298,15 @@ impl Analysis for Heat {
         };
         let beads = self.chain.bead_count();
         let temperatures = curve((0..beads).map(|bead| self.temperature(bead)).collect(), 0.0);
-        let currents = curve((0..beads - 1).map(|contact| self.current(contact)).collect(), 0.5);
-        let panel =
+        let currents = curve((0..self.contacts).map(|contact| self.current(contact)).collect(), 0.5);
+        let of_beads =
             |label: &str, curve| Panel::new().x_axis(Axis::new("bead")).y_axis(Axis::new(label)).curve(curve);
-        Ok(Some(
-            Figure::new()
-                .shared_x()
-                .caption(plots::caption(&self.manifest))
-                .panel(panel("temperature m<v^{2}> (J)", temperatures).note("bands: two standard errors"))
-                .panel(panel("current (W)", currents)),
-        ))
+        let figure = Figure::new()
+            .caption(plots::caption(&self.manifest))
+            .panel(of_beads("temperature m<v^{2}> (J)", temperatures).note("bands: two standard errors"))
+            .panel(of_beads("current (W)", currents));
+        let is_even = self.baths_j.is_none() && self.points.len() > 1;
+        Ok(Some(if is_even { figure.panel(panel(&self.points)) } else { figure.shared_x() }))
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
@@ -336,5 +399,64 @@ mod tests {
         let currents: Vec<f64> = (0..7).map(|contact| heat.current(contact).mean).collect();
         assert!(currents.iter().all(|found| (found / current.mean - 1.0).abs() < 0.02), "{currents:?}");
         assert!(heat.memory_s() > 0.1 && heat.memory_s() < 50.0, "{}", heat.memory_s());
+    }
+
+    /// In a harmonic ring with baths on all beads, all waves forget their phases at one rate γ: `<J(0)·J(t)> = e^(−γ·t)·T²·Σ v²` with the group velocities
+    /// v = c·cos(q/2) of all waves but that of the whole ring, whose sum of squares is c²·(N/2 − 1).
+    #[test]
+    fn a_harmonic_ring_in_baths_has_the_conductivity_of_its_waves() {
+        let (gamma, beads) = (0.5, 12.0);
+        let manifest = manifest(
+            "seed = 8\n[chain]\nbeads = 12\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[ends]\nleft = \"periodic\"\nright = \"periodic\"\n\
+             [[bath]]\nbeads = \"..\"\ntemperature_j = 0.7\nfriction_per_s = 0.5\n[time]\nduration_s = 40000\ndt_s = 0.1\n",
+        );
+        let mut settings = Settings::default();
+        settings.set(&OFFER.settings[0], vec!["10".to_owned()]).unwrap();
+        let mut heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
+        let mut state = ChainState::initial(&manifest.physics);
+        let (mut integrator, mut row) = (Integrator::new(&manifest.physics), LastRow::default());
+        while state.step < manifest.physics.step_count {
+            integrator.step(&mut state);
+            if state.step > 1_000 && state.step.is_multiple_of(2) {
+                heat.observe(&state.as_frame(&manifest, state.step), &mut row);
+            }
+        }
+        let points = heat.fluctuations();
+        assert_eq!(points.len(), 51);
+        for (lag_s, product, conductivity) in &points {
+            let factor = 0.5 - 1.0 / beads;
+            let exact = factor * (1.0 - (-gamma * lag_s).exp()) / gamma;
+            // trapezia are too large by γ²·Δ²/12, a thousandth
+            let room = |found: &[f64; 2], exact: f64| 4.0 * found[1] + 2e-3 * exact;
+            assert!(
+                (conductivity[0] - exact).abs() <= room(conductivity, exact),
+                "{lag_s} {conductivity:?} {exact}"
+            );
+            let exact = factor * beads * 0.49 * (-gamma * lag_s).exp();
+            assert!((product[0] - exact).abs() < room(product, exact), "{lag_s} {product:?} {exact}");
+        }
+        let last = points[50].2;
+        assert!(last[1] < 0.1 * last[0], "{last:?}");
+    }
+
+    /// A wave that runs around a ring carries its energy at its group velocity, and the current of all contacts does not change.
+    #[test]
+    fn the_current_of_a_harmonic_ring_is_energy_times_group_velocity() {
+        let manifest = manifest(
+            "[chain]\nbeads = 9\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[ends]\nleft = \"periodic\"\nright = \"periodic\"\n\
+             [initial]\nplane_wave = { cycles = 2, displacement_m = 0.1, velocity_m_s = 0.12855752193730785 }\n[time]\nduration_s = 20\ndt_s = 0.01\n",
+        );
+        let settings = Settings::default();
+        let heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
+        let q = std::f64::consts::TAU * 2.0 / 9.0;
+        let energy_j = 0.5 * 9.0 * (0.1 * 2.0 * (0.5 * q).sin()).powi(2);
+        let mut state = ChainState::initial(&manifest.physics);
+        let mut integrator = Integrator::new(&manifest.physics);
+        for _ in 0..2_000 {
+            integrator.step(&mut state);
+            let frame = state.as_frame(&manifest, 0);
+            let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame)).sum();
+            assert!((current_w.abs() - energy_j * (0.5 * q).cos()).abs() < 1e-4 * energy_j, "{current_w}");
+        }
     }
 }

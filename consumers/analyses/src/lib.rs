@@ -4,6 +4,7 @@
 //! analysis of one's own is a file like these; [`add`] lists it.
 
 pub mod contacts;
+pub mod correlations;
 pub mod deformation;
 pub mod energies;
 pub mod forces;
@@ -21,7 +22,7 @@ use consumers::analysis::Offer;
 use std::sync::{PoisonError, RwLock};
 
 /// Ours, in the order of the documentation.
-static OURS: [&Offer; 12] = [
+static OURS: [&Offer; 13] = [
     &energies::OFFER,
     &impurity::OFFER,
     &contacts::OFFER,
@@ -34,6 +35,7 @@ static OURS: [&Offer; 12] = [
     &modal::OFFER,
     &lyapunov::OFFER,
     &heat::OFFER,
+    &correlations::OFFER,
 ];
 
 static ADDED: RwLock<Vec<&'static Offer>> = RwLock::new(Vec::new());

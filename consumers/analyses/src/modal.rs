@@ -3,16 +3,21 @@
 use crate::modes::with_resonators;
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
-    Takes,
+    Takes, frame_columns,
 };
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
 use figure::{Axis, Figure, FigureError, Panel};
+use pulp::Arch;
 use schemas::amounts::{number, quantity};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
+use schemas::functions::ln;
 use schemas::manifest::RunManifest;
+use schemas::results::ResultColumns;
+use schemas::simd::{ordered_sum, vectorized};
 use serde_json::json;
+use std::ops::Range;
 use waves::linear::LinearChain;
 use waves::modal::Modal;
 
@@ -23,19 +28,28 @@ pub static OFFER: Offer = Offer {
     help: "Examples:\n  \
         beadline modal run.mcap --figure modal.png\n  \
         beadline modal run.mcap --out entropy.csv --spectrum spectrum.csv\n  \
-        beadline modal live:fput --threshold 0.2             while the run goes on\n\n\
+        beadline modal live:fput --threshold 0.2             while the run goes on\n  \
+        beadline modal run.mcap --bands 1-4,5-16,17-32 --figure bands.png\n\n\
         Modes are those of `beadline modes`: of small motions about the equilibrium, with the linear part of bonds. With the part p of all their \
         energy that is in each of M modes (those of frequency 0 left out), the entropy is S = -Σ p·ln p, e^S the effective number of modes, and \
         η = (ln M - S)/(ln M - S0) the distance from equipartition (R. Livi and others, Phys. Rev. A 31 (1985) 1039, doi:10.1103/PhysRevA.31.1039), \
         with S0 of the first frame that is looked at: 1 at first. In equilibrium the energies fluctuate, and η comes to about 0.42/(ln M - S0). \
         The mean η is that of energies averaged over the time s since the first frame with the weight s², which forget the beginning and fluctuate \
-        less the longer it lasts; --threshold tells when it was first below. --spectrum has the mean energy of each mode. A frame costs one Fourier transform where all \
+        less the longer it lasts; --threshold tells when it was first below. --spectrum has the mean energy of each mode. --bands adds the energies of \
+        bands of modes, which show a packet of low modes that lasts before all have the same. A frame costs one Fourier transform where all \
         beads and springs are alike, else the square of their number.",
-    settings: &[Setting::new(
-        "threshold",
-        Takes::number("eta", Allowed::AboveZero),
-        "The mean η that counts as equipartition [default: 0.5]",
-    )],
+    settings: &[
+        Setting::new(
+            "threshold",
+            Takes::number("eta", Allowed::AboveZero),
+            "The mean η that counts as equipartition [default: 0.5]",
+        ),
+        Setting::new(
+            "bands",
+            Takes::Text("BANDS", |text| bands_of(text, usize::MAX).map(drop)),
+            "Bands of modes whose energies are columns: 1-4,5-8, or a number of equal ones",
+        ),
+    ],
     tables: &[
         TableFlag { name: "out", help: "Table of the numbers in each frame" },
         TableFlag {
@@ -49,6 +63,7 @@ pub static OFFER: Offer = Offer {
         Meaning::number("effective_modes", "effective number of modes"),
         Meaning::number("distance", "distance η from equipartition"),
         Meaning::number("mean_distance", "the same from mean energies, of which a time s has the weight s²"),
+        Meaning::number("energy_modes_FIRST_LAST_j", "energy of the modes of a band, with --bands"),
     ],
     summary: &[
         Meaning::number("equipartition_s", "time at which the mean η was first below the threshold"),
@@ -64,10 +79,63 @@ pub static OFFER: Offer = Offer {
 
 /// Entropy of energies (J) that are shared out; NaN where there is none.
 fn entropy_of(energies_j: &[f64]) -> f64 {
-    let sum_j = energies_j.iter().fold(0.0, |sum, energy_j| sum + energy_j);
-    let of =
-        |energy_j: &f64| if *energy_j > 0.0 { (energy_j / sum_j) * (energy_j / sum_j).ln() } else { 0.0 };
-    if sum_j > 0.0 { 0.0 - energies_j.iter().map(of).sum::<f64>() } else { f64::NAN }
+    vectorized(
+        Arch::new(),
+        #[inline(always)]
+        || {
+            let sum_j = ordered_sum([energies_j], |[energy_j]| energy_j);
+            let of = |[energy_j]: [f64; 1]| {
+                let part = energy_j / sum_j;
+                if part >= f64::MIN_POSITIVE { part * ln(part) } else { 0.0 }
+            };
+            if sum_j > 0.0 { 0.0 - ordered_sum([energies_j], of) } else { f64::NAN }
+        },
+    )
+}
+
+/// Numbers of a row that are about all modes.
+const OF_ALL: usize = 5;
+
+/// The most bands.
+const MOST_BANDS: usize = 64;
+
+/// The least part of the energy of equipartition that is drawn: far below it, a band has not begun to share.
+const LEAST_DRAWN: f64 = 1e-6;
+
+/// The bands that `text` names, of `count` modes, which it counts from 1 and the result from 0.
+fn bands_of(text: &str, count: usize) -> Result<Vec<Range<usize>>, String> {
+    let allowed =
+        || format!("expected bands such as 1-4,5-8, or a number of equal bands, at most {MOST_BANDS}");
+    if let Ok(bands) = text.parse::<usize>() {
+        if bands == 0 || bands > MOST_BANDS {
+            return Err(allowed());
+        }
+        if bands > count {
+            return Err(format!("the chain has {count} modes: expected at most as many bands"));
+        }
+        let edge = |band: usize| count / bands * band + count % bands * band / bands; // integers
+        return Ok((0..bands).map(|band| edge(band)..edge(band + 1)).collect());
+    }
+    let (mut bands, mut end) = (Vec::new(), 0);
+    for band in text.split(',') {
+        let (first, last) = band.split_once('-').ok_or_else(allowed)?;
+        let number = |text: &str| text.parse::<usize>().map_err(|_| allowed());
+        let (first, last) = (number(first)?, number(last)?);
+        if first <= end || last < first {
+            return Err(format!("{band}: bands ascend from mode 1 on, and have no mode in common"));
+        }
+        if last > count {
+            return Err(format!("{band}: the chain has modes 1 to {count}"));
+        }
+        bands.push(first - 1..last);
+        end = last;
+    }
+    if bands.len() > MOST_BANDS { Err(allowed()) } else { Ok(bands) }
+}
+
+/// Name of the column of a band.
+fn name_of(Range { start, end }: &Range<usize>) -> String {
+    format!("energy_modes_{}_{end}_j", start + 1)
 }
 
 struct ModalAnalysis {
@@ -86,9 +154,14 @@ struct ModalAnalysis {
     sums_j: Vec<f64>,
     frames: f64,
     first_entropy: f64,
-    last: [f64; 5],
+    /// Modes of each band, counted from 0; those of frequency 0 count nothing.
+    bands: Vec<Range<usize>>,
+    /// The last row.
+    last: Vec<f64>,
     equipartition_s: Option<f64>,
     curves: Option<Series<2>>,
+    /// Energies (J) of each band.
+    band_curves: Vec<Series<1>>,
 }
 
 impl ModalAnalysis {
@@ -96,11 +169,12 @@ impl ModalAnalysis {
         let manifest = beginning.manifest.clone();
         let chain = manifest.physics.chain();
         let linear = LinearChain::of(&chain).map_err(|error| error.to_string())?;
-        let modal = if beginning.is_trial {
-            Modal::check(&linear).map(|()| None)
-        } else {
-            Modal::of(&linear).map(Some)
+        let count = Modal::count_of(&linear).map_err(|error| error.to_string())?;
+        let bands = match beginning.settings.one::<String>("bands") {
+            Some(text) => bands_of(&text, count).map_err(|why| Refusal::of("bands", text, why))?,
+            None => Vec::new(),
         };
+        let modal = (!beginning.is_trial).then(|| Modal::of(&linear)).transpose();
         let modal = modal.map_err(|error| error.to_string())?;
         if modal.as_ref().is_some_and(|modal| (0..modal.count()).all(|mode| modal.frequency_hz(mode) == 0.0))
         {
@@ -119,9 +193,11 @@ impl ModalAnalysis {
             means_over_s: None,
             frames: 0.0,
             first_entropy: f64::NAN,
-            last: [f64::NAN; 5],
+            last: vec![f64::NAN; OF_ALL],
             equipartition_s: None,
             curves: beginning.is_drawn.then(Series::default),
+            band_curves: vec![Series::default(); if beginning.is_drawn { bands.len() } else { 0 }],
+            bands,
             modal,
             chain,
             manifest,
@@ -146,6 +222,42 @@ impl ModalAnalysis {
         modes.map(of).collect()
     }
 
+    /// Names of the columns.
+    fn names(&self) -> Vec<String> {
+        let all = OFFER.columns.iter().take(OF_ALL).map(|column| column.name.to_owned());
+        all.chain(self.bands.iter().map(name_of)).collect()
+    }
+
+    /// The energy of a mode of each band over that of equipartition, over time.
+    fn bands_panel(&mut self) -> Panel {
+        let mean_j = self.sums_j.iter().skip(self.free).sum::<f64>() / self.frames;
+        let even_j = mean_j / self.count() as f64;
+        let panel = Panel::new()
+            .x_axis(Axis::new("time (s)").log())
+            .y_axis(Axis::new("energy of a mode over that of equipartition").log())
+            .horizontal("", 1.0);
+        let free = self.free;
+        self.bands.iter().zip(&self.band_curves).fold(panel, |panel, (band, curve)| {
+            let sharing = band.end - if band.start > free { band.start } else { free };
+            let per_mode = curve.curve(0).map(|(t, energy_j)| (t, energy_j / sharing as f64 / even_j));
+            let points: Vec<_> = per_mode.filter(|(t, value)| *t > 0.0 && *value > LEAST_DRAWN).collect();
+            panel.line(format!("modes {} to {}", band.start + 1, band.end), points)
+        })
+    }
+
+    /// Takes the energies of the frame at `time_s` into the means.
+    fn take_means(&mut self, time_s: f64) {
+        let [begin_s, before_s] = self.means_over_s.unwrap_or([time_s; 2]);
+        self.means_over_s = Some([begin_s, time_s]);
+        // the part of all weight that is of the time since the frame before
+        let old = (before_s - begin_s) / (time_s - begin_s);
+        let part = if old.is_finite() { 1.0 - old * old * old } else { 1.0 };
+        let shared_j = &self.energies_j[self.free..];
+        self.means_j.resize(shared_j.len(), 0.0);
+        let pairs = self.means_j.iter_mut().zip(shared_j);
+        pairs.for_each(|(mean_j, energy_j)| *mean_j += part * (energy_j - *mean_j));
+    }
+
     fn effective_of_mean(&self) -> f64 {
         entropy_of(self.sums_j.get(self.free..).unwrap_or_default()).exp()
     }
@@ -154,7 +266,12 @@ impl ModalAnalysis {
 impl Analysis for ModalAnalysis {
     fn columns(&self, table: usize) -> Vec<Column> {
         let names = ["mode", "frequency_hz", "mean_energy_j", "over_equipartition"];
-        if table == 1 { names.map(|name| name.to_owned().into()).into() } else { Vec::new() }
+        if table == 1 { names.map(|name| name.to_owned().into()).into() } else { frame_columns(self.names()) }
+    }
+
+    fn published(&self) -> Option<ResultColumns> {
+        let names = self.names();
+        Some(ResultColumns::named(&names.iter().map(String::as_str).collect::<Vec<_>>()))
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
@@ -163,17 +280,8 @@ impl Analysis for ModalAnalysis {
         modal.energies_j(&u_m, &v_m_s, &mut self.energies_j);
         self.frames += 1.0;
         self.sums_j.iter_mut().zip(&self.energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
+        self.take_means(frame.time_s);
         let shared_j = &self.energies_j[self.free..];
-        let [begin_s, before_s] = self.means_over_s.unwrap_or([frame.time_s; 2]);
-        // the part of all weight that is of the time since the frame before
-        let (time_s, before) = (frame.time_s - begin_s, before_s - begin_s);
-        let part = if time_s > 0.0 { 1.0 - (before / time_s).powi(3) } else { 1.0 };
-        self.means_over_s = Some([begin_s, frame.time_s]);
-        self.means_j.resize(shared_j.len(), 0.0);
-        self.means_j
-            .iter_mut()
-            .zip(shared_j)
-            .for_each(|(mean_j, energy_j)| *mean_j += part * (energy_j - *mean_j));
         let (entropy, most) = (entropy_of(shared_j), (shared_j.len() as f64).ln());
         if self.first_entropy.is_nan() {
             self.first_entropy = entropy;
@@ -183,7 +291,15 @@ impl Analysis for ModalAnalysis {
         if mean_distance < self.threshold && self.equipartition_s.is_none() {
             self.equipartition_s = Some(frame.time_s);
         }
-        self.last = [shared_j.iter().sum(), entropy, entropy.exp(), distance, mean_distance];
+        self.last.clear();
+        self.last.extend([shared_j.iter().sum(), entropy, entropy.exp(), distance, mean_distance]);
+        let of_band = |band: &Range<usize>| {
+            self.energies_j[band.clone()].iter().skip(self.free.saturating_sub(band.start)).sum::<f64>()
+        };
+        self.last.extend(self.bands.iter().map(of_band));
+        for (curve, energy_j) in self.band_curves.iter_mut().zip(&self.last[OF_ALL..]) {
+            curve.push(frame.time_s, [*energy_j]);
+        }
         if let Some(curves) = &mut self.curves {
             curves.push(frame.time_s, [distance, mean_distance]);
         }
@@ -202,7 +318,9 @@ impl Analysis for ModalAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let [energy_j, entropy, effective, distance, mean_distance] = self.last;
+        let &[energy_j, entropy, effective, distance, mean_distance, ..] = &self.last[..] else {
+            return None;
+        };
         let mean = self.effective_of_mean();
         let mut report = Report { title: "modal energies", ..Report::default() };
         let words = &mut report.words;
@@ -232,9 +350,10 @@ impl Analysis for ModalAnalysis {
         };
         let spectrum = self.spectrum().into_iter().filter(|[_, _, part]| *part > 0.0);
         let spectrum: Vec<_> = spectrum.map(|[hertz, _, part]| (hertz, part)).collect();
+        let figure = Figure::new().caption(plots::caption(&self.manifest));
+        let figure = if self.bands.is_empty() { figure } else { figure.panel(self.bands_panel()) };
         Ok(Some(
-            Figure::new()
-                .caption(plots::caption(&self.manifest))
+            figure
                 .panel(
                     Panel::new()
                         .x_axis(Axis::new("time (s)").log())
@@ -254,7 +373,7 @@ impl Analysis for ModalAnalysis {
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        let [_, _, effective, distance, mean_distance] = self.last;
+        let &[_, _, effective, distance, mean_distance, ..] = &self.last[..] else { return None };
         Some(Number::Double(match name {
             "equipartition_s" => self.equipartition_s?,
             "effective_modes" => effective,
@@ -269,6 +388,93 @@ impl Analysis for ModalAnalysis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use consumers::analysis::{RowValues, Settings};
+    use producer::state::ChainState;
+    use schemas::config::{End, MassRule};
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+    use schemas::term::{Spring, TermLaw};
+
+    #[test]
+    fn bands_are_read() {
+        assert_eq!(bands_of("1-4,6-6,7-9", 9), Ok(vec![0..4, 5..6, 6..9]));
+        for (count, bands) in [(9, 1), (9, 4), (9, 9), (1000, 7)] {
+            let found = bands_of(&bands.to_string(), count).expect("bands");
+            assert_eq!((found.len(), found[0].start, found[bands - 1].end), (bands, 0, count));
+            assert!(found.windows(2).all(|pair| pair[0].end == pair[1].start));
+            let sizes = || found.iter().map(ExactSizeIterator::len);
+            assert!(sizes().max() <= sizes().min().map(|least| least + 1));
+        }
+        for (text, why) in [
+            ("0", "at most 64"),
+            ("65", "at most 64"),
+            ("10", "9 modes"),
+            ("", "1-4,5-8"),
+            ("low", "1-4,5-8"),
+            ("1-4,7", "1-4,5-8"),
+            ("1-x", "1-4,5-8"),
+            ("0-3", "from mode 1 on"),
+            ("4-3", "from mode 1 on"),
+            ("1-4,4-5", "no mode in common"),
+            ("5-6,1-2", "ascend"),
+            ("5-10", "modes 1 to 9"),
+        ] {
+            let found = bands_of(text, 9).expect_err(text);
+            assert!(found.contains(why), "{text}: {found}");
+        }
+    }
+
+    /// Keeps the numbers of the last row.
+    #[derive(Default)]
+    struct Kept(Vec<f64>);
+
+    impl Outlet for Kept {
+        fn wants(&self, _: usize) -> bool {
+            false
+        }
+
+        fn line(&mut self, _: usize, _: &[Cell]) {}
+
+        fn is_published(&self) -> bool {
+            true
+        }
+
+        fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
+            self.0 = row.numbers().to_vec();
+        }
+    }
+
+    /// Walls, free ends, a ring, and unlike masses: the energies of all bands are that of all modes, to the rounding of a sum of 23.
+    #[test]
+    fn bands_share_all_of_the_energy() {
+        let bonds = [(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)];
+        let setting = OFFER.settings.iter().find(|setting| setting.name == "bands").expect("bands");
+        for (end, masses) in [(End::Fixed, 1), (End::Free, 1), (End::Periodic, 1), (End::Fixed, 3)] {
+            let mut config = PRESETS[0].config();
+            config.chain.impurities.clear();
+            (config.chain.beads, config.chain.alpha) = (23, 1.0);
+            config.chain.bonds = Some(bonds.iter().cloned().collect());
+            config.chain.masses = MassRule::PatternKg([1e-3, 3e-3, 2e-3][..masses].to_vec());
+            (config.ends.left, config.ends.right) = (end, end);
+            let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+            let manifest = RunManifest::new(&config, "bands", origin).expect("a chain");
+            let v_m_s: Vec<f64> = (0..23).map(|i| 0.1 * f64::from(i * i % 7)).collect();
+            let state = ChainState::starting_at(&manifest.physics, &[0.0; 23], &v_m_s);
+            for bands in ["1-1,2-9,10-23", "1", "5", "23"] {
+                let mut settings = Settings::default();
+                settings.set(setting, vec![bands.to_owned()]).expect("bands");
+                let beginning = Beginning::whole(OFFER.name, &manifest, &settings);
+                let mut analysis = ModalAnalysis::begin(&beginning).expect("modes");
+                let mut kept = Kept::default();
+                analysis.observe(&state.as_frame(&manifest, 0), &mut kept);
+                assert_eq!(kept.0.len(), analysis.names().len());
+                let sum: f64 = kept.0[OF_ALL..].iter().sum();
+                assert!((sum / kept.0[0] - 1.0).abs() < 1e-13, "{end:?}, {bands}: {:?}", kept.0);
+            }
+        }
+        let wrong = bands_of("2-24", 23).expect_err("no mode 24");
+        assert!(wrong.contains("modes 1 to 23"), "{wrong}");
+    }
 
     #[test]
     fn energies_have_their_entropy() {

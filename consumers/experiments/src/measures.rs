@@ -1,11 +1,11 @@
 //! Numbers of any analysis, by name: those of its summary, `measure` of a sweep file, and those of its rows, `measure` of `[series]`.
 //!
 //! `ANALYSIS.COLUMN`, or `ANALYSIS.COLUMN@PLACE` where an analysis looks at one place. Numbers are those of the command of that
-//! name with its defaults.
+//! name with its defaults, or with others: `ANALYSIS(OPTION=VALUE;…).COLUMN`.
 
 use analyses::{all, named};
 use consumers::analysis::{
-    Analysis, Beginning, LastRow, Meaning, Number, Offer, Refusal, Settings, Whereabouts,
+    Analysis, Beginning, LastRow, Meaning, Number, Offer, Refusal, Setting, Settings, Takes, Whereabouts,
 };
 use consumers::table::{Cell, Column};
 use producer::sweep::MeasureOf;
@@ -50,6 +50,8 @@ pub(crate) struct Measure<'a> {
     pub(crate) offer: &'static Offer,
     pub(crate) number: &'static Meaning,
     place: Option<&'a str>,
+    /// Its options as they are written, between `;`.
+    options: &'a str,
 }
 
 impl<'a> Measure<'a> {
@@ -59,7 +61,13 @@ impl<'a> Measure<'a> {
             None => (text, None),
         };
         let every = || all().map(|offer| offer.name).collect::<Vec<_>>().join(", ");
-        let Some((analysis, column)) = name.split_once('.') else {
+        let parts = match name.split_once('(') {
+            Some((analysis, rest)) => {
+                rest.split_once(").").map(|(options, column)| (analysis, options, column))
+            }
+            None => name.split_once('.').map(|(analysis, column)| (analysis, "", column)),
+        };
+        let Some((analysis, options, column)) = parts else {
             return Err(format!(
                 "found `{text}`; allowed: the column of an analysis, such as `energies.driven_j` or `forces.peak_n@right`, of {}",
                 every()
@@ -70,6 +78,8 @@ impl<'a> Measure<'a> {
             return Err(format!("found the unknown analysis `{analysis}`; allowed: {}{hint}", every()));
         };
         let number = number_of(kind, offer, column)?;
+        let measure = Self { offer, number, place, options };
+        measure.settings()?;
         let name = format!("{analysis}.{}", number.name);
         match (&offer.place, place) {
             (Whereabouts::Chain, Some(place)) => {
@@ -82,24 +92,65 @@ impl<'a> Measure<'a> {
                 let words: Vec<String> = words.iter().map(|word| format!("@{word}")).collect();
                 Err(format!("found @{place}; allowed: {}, or none of them", words.join(", ")))
             }
-            _ => Ok(Self { offer, number, place }),
+            _ => Ok(measure),
         }
     }
 
     /// The name of its column, with the unit.
     fn name(&self) -> String {
         let place = self.place.map_or_else(String::new, |place| format!("@{place}"));
-        format!("{}.{}{place}", self.offer.name, self.number.name)
+        let options = if self.options.is_empty() { String::new() } else { format!("({})", self.options) };
+        format!("{}{options}.{}{place}", self.offer.name, self.number.name)
     }
 
-    /// The place that is a setting.
-    pub(crate) fn place_set(&self) -> Option<&'a str> {
-        self.place.filter(|_| matches!(self.offer.place, Whereabouts::Of { .. }))
+    /// The options and the place, if that is one: numbers that have both in common are of one analysis.
+    pub(crate) fn key(&self) -> (&'static str, &'a str, Option<&'a str>) {
+        let place = self.place.filter(|_| matches!(self.offer.place, Whereabouts::Of { .. }));
+        (self.offer.name, self.options, place)
+    }
+
+    /// The place of the column in the rows of `analysis`.
+    pub(crate) fn place_in(&self, analysis: &dyn Analysis) -> Result<usize, String> {
+        let names = self.offer.published(analysis).map(|published| published.names).unwrap_or_default();
+        let place = names.split(',').position(|name| name == self.number.name);
+        place.ok_or_else(|| {
+            format!(
+                "found `{}`, which is not in each row of {}; allowed: {names}",
+                self.number.name, self.offer.name
+            )
+        })
+    }
+
+    /// The options that are written.
+    fn settings(&self) -> Result<Settings, String> {
+        let mut settings = Settings::default();
+        for option in self.options.split(';').filter(|option| !option.is_empty()) {
+            let (name, values) = match option.split_once('=') {
+                Some((name, value)) => (name, vec![value.to_owned()]),
+                None => (option, Vec::new()),
+            };
+            let known = self.offer.settings;
+            let takes = |setting: &&Setting| matches!(setting.takes, Takes::Nothing) == values.is_empty();
+            let Some(setting) = known.iter().filter(takes).find(|setting| setting.name == name) else {
+                let write = |setting: &Setting| match setting.takes {
+                    Takes::Nothing => setting.name.to_owned(),
+                    _ => format!("{}=…", setting.name),
+                };
+                let allowed: Vec<String> = known.iter().map(write).collect();
+                let allowed = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
+                return Err(format!(
+                    "found the option `{option}` of {}; allowed: {allowed}",
+                    self.offer.name
+                ));
+            };
+            settings.set(setting, values).map_err(|(found, why)| format!("found {name}={found}: {why}"))?;
+        }
+        Ok(settings)
     }
 
     /// Begins to look at a run.
     pub(crate) fn begin(&self, manifest: &RunManifest, is_trial: bool) -> Result<Box<dyn Analysis>, String> {
-        let mut settings = Settings::default();
+        let mut settings = self.settings()?;
         if let (Whereabouts::Of { setting, also, allowed }, Some(place)) = (&self.offer.place, self.place) {
             for known in self.offer.settings {
                 let set = if known.name == *setting {
@@ -131,7 +182,10 @@ impl<'a> Measure<'a> {
 pub(crate) fn check(kind: MeasureOf, text: &str, manifest: Option<&RunManifest>) -> Result<String, String> {
     let measure = Measure::parse(kind, text)?;
     if let Some(manifest) = manifest {
-        measure.begin(manifest, true)?;
+        let analysis = measure.begin(manifest, true)?;
+        if kind == MeasureOf::Rows {
+            measure.place_in(&*analysis)?;
+        }
     }
     Ok(measure.name())
 }
@@ -169,21 +223,23 @@ impl Measures {
         standard: &[&str],
         manifest: &RunManifest,
     ) -> Result<Self, (usize, String)> {
-        let mut found: Vec<(&str, Option<&str>)> = Vec::new();
+        let mut found = Vec::new();
         let mut measures = Self::default();
         for (i, text) in asked.iter().enumerate() {
             let wrong = |why| (i, why);
             let measure = Measure::parse(MeasureOf::Summary, text).map_err(wrong)?;
-            let key = (measure.offer.name, measure.place_set());
+            let key = measure.key();
             let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
             if at == found.len() {
                 found.push(key);
-                measures.looking.push(if standard.contains(&measure.offer.name) {
-                    Looking::Standard(measure.offer.name)
-                } else {
-                    let analysis = measure.begin(manifest, false).map_err(wrong)?;
-                    Looking::Beside { offer: measure.offer, analysis, last: LastRow::default() }
-                });
+                measures.looking.push(
+                    if standard.contains(&measure.offer.name) && measure.options.is_empty() {
+                        Looking::Standard(measure.offer.name)
+                    } else {
+                        let analysis = measure.begin(manifest, false).map_err(wrong)?;
+                        Looking::Beside { offer: measure.offer, analysis, last: LastRow::default() }
+                    },
+                );
             }
             measures.numbers.push((at, measure.number.name, measure.place.map(str::to_owned)));
         }
@@ -240,6 +296,7 @@ mod tests {
             ("forces.peak@right", "forces.peak_n@right"),
             ("pulses.v_peak@forward", "pulses.v_peak_m_s@forward"),
             ("spectrum.peak_hz@12", "spectrum.peak_hz@12"),
+            ("modal(threshold=0.1).equipartition", "modal(threshold=0.1).equipartition_s"),
         ] {
             let parsed = Measure::parse(MeasureOf::Summary, text);
             assert_eq!(parsed.map(|measure| measure.name()), Ok(name.to_owned()));
@@ -256,6 +313,17 @@ mod tests {
             ("energies.drivn_j", "; did you mean `driven_j`?"),
             ("energies.driven_j@3", "found @3; allowed: `energies.driven_j` alone"),
             ("forces.peak_n", "found no place; allowed: `forces.peak_n@…`, @12 for a bead"),
+            (
+                "modal(treshold=1).equipartition_s",
+                "found the option `treshold=1` of modal; allowed: threshold=…",
+            ),
+            (
+                "modal(threshold).equipartition_s",
+                "found the option `threshold` of modal; allowed: threshold=…",
+            ),
+            ("modal(threshold=-1).equipartition_s", "found threshold=-1: "),
+            ("contacts(a=1).open_count", "found the option `a=1` of contacts; allowed: "),
+            ("modal(threshold=1.equipartition_s", "allowed: the column of an analysis"),
             ("pulses.bead@up", "found @up; allowed: @forward, @backward"),
         ] {
             let said = check(MeasureOf::Summary, text, None).expect_err(text);

@@ -47,12 +47,12 @@ impl SeriesSums {
     /// # Errors
     /// The place in the list and what is wrong with it.
     pub(crate) fn new(sweep: &Sweep, manifest: &RunManifest) -> Result<Self, (usize, String)> {
-        let mut found: Vec<(&str, Option<&str>)> = Vec::new();
+        let mut found = Vec::new();
         let mut series = Self::default();
         for (i, text) in sweep.series().measure.iter().enumerate() {
             let wrong = |why| (i, why);
             let measure = Measure::parse(MeasureOf::Rows, text).map_err(wrong)?;
-            let key = (measure.offer.name, measure.place_set());
+            let key = measure.key();
             let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
             if at == found.len() {
                 found.push(key);
@@ -111,10 +111,10 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// The lines of rows of `sweep`; none where it asks for no column over time.
-    pub fn of(sweep: &Sweep) -> Option<Self> {
+    /// The lines of rows of `sweep`, which have these columns; none where it asks for no column over time.
+    pub fn of(sweep: &Sweep, all: &[Column]) -> Option<Self> {
         let (width, parameters) = (names(sweep).len(), sweep.parameters().len());
-        let fixed = crate::columns(sweep).len() - columns(sweep).count();
+        let fixed = all.len() - columns(sweep).count();
         (width > 0).then_some(Self { head: [parameters; 2], fixed, width, time: 1 })
     }
 

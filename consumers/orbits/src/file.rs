@@ -70,7 +70,7 @@ struct SeedMode {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 struct Continue {
-    /// The key of the parameter, such as "orbit.energy_j".
+    /// The key of the parameter, such as `orbit.energy_j`.
     key: String,
     /// Its value at the first orbit.
     from: f64,
@@ -333,7 +333,9 @@ impl File {
             return Ok(());
         };
         config.striker = Strikers::default();
-        config.initial = Initial { displacements_m: vec![mode.displacement_m; beads], ..Initial::default() };
+        // overlaps of the size that is asked for, until the mode is known
+        let overlaps = (0..beads).map(|bead| (0.5 - (bead % 2) as f64) * mode.displacement_m);
+        config.initial = Initial { displacements_m: overlaps.collect(), ..Initial::default() };
         let refuse =
             |why: String| ConfigError { path: None, line: None, key: "orbit.mode".to_owned(), message: why };
         let linear = LinearChain::of(&Physics::resolve(&config)?.chain())

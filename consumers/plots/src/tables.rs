@@ -98,6 +98,8 @@ pub struct TableFigure {
     pub panels: Vec<TablePanel>,
     /// True if the axes, x and y, are logarithmic.
     pub log: [bool; 2],
+    /// Exponents of power laws that are drawn beside the curves.
+    pub slopes: Vec<f64>,
     /// Band around the curves.
     pub band: Option<Band>,
     /// True if rows next to each other differ in more than x: lines between them would mean nothing.
@@ -121,9 +123,16 @@ pub fn table_curves(table: &TableFigure) -> Figure {
             panel = panel.curve(drawn(label, curve, table));
         }
         for (curve, TableFit { law, ends }) in curves.iter().filter_map(|curve| Some((curve, curve.fit?))) {
-            let name = format!("{} as x^{{{}}}", curve.label, TableFit { law, ends }.words());
+            let name = format!("{} ~ x^{{{}}}", curve.label, TableFit { law, ends }.words());
             let line = ends.map(|x| (x, law.at(x)));
             panel = panel.curve(Curve::line(name.trim(), line).stroke(Stroke::Dashed).colour(Colour::Black));
+        }
+        // the last one stands beside all further curves
+        let slopes = table.slopes.iter().chain(table.slopes.last().into_iter().cycle());
+        for (curve, slope) in curves.iter().zip(slopes) {
+            let name = format!("slope {slope}").replace('-', "−");
+            let line = Curve::line(name, beside(*slope, curve));
+            panel = panel.curve(line.stroke(Stroke::Dotted).colour(Colour::Black));
         }
         let points = curves.iter().flat_map(|curve| &curve.points);
         let of_fewer = points.filter(|point| point.is_of_fewer);
@@ -135,6 +144,17 @@ pub fn table_curves(table: &TableFigure) -> Figure {
         figure = figure.panel(panel.note(note.clone()));
     }
     figure
+}
+
+/// The line of a power law of this exponent through the middle of the points of a curve, of those that have a fit if it has one.
+fn beside(slope: f64, curve: &TableCurve) -> Vec<(f64, f64)> {
+    let [from, to] = curve.fit.map_or([0.0, f64::INFINITY], |fit| fit.ends);
+    let used = || curve.points.iter().filter(|point| (from..=to).contains(&point.x));
+    let mean =
+        |of: fn(&TablePoint) -> f64| used().map(|point| of(point).ln()).sum::<f64>() / used().count() as f64;
+    let (x, y) = (mean(|point| point.x), mean(|point| point.found.mean));
+    let at = |point: &TablePoint| (point.x, (y + slope * (point.x.ln() - x)).exp());
+    used().next().into_iter().chain(used().last()).map(at).collect()
 }
 
 /// The middle of values that a curve goes through.

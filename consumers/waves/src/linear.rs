@@ -96,6 +96,18 @@ impl LinearChain {
         self.on_site_n_per_m.get(bead).copied().unwrap_or(0.0) + left + right + resonator
     }
 
+    /// The speed of long waves (beads/s), `1/√(<m>·<1/K>)` by the means over beads and springs; none where beads are tied to their places or a spring has no
+    /// stiffness.
+    pub fn long_waves_beads_per_s(&self) -> Option<f64> {
+        let resonators_kg = self.resonators.iter().map(|resonator| resonator.mass_kg).sum::<f64>();
+        let mass_kg = (self.mass_kg.iter().sum::<f64>() + resonators_kg) / self.bead_count() as f64;
+        let (count, softness) =
+            self.bonds().fold((0.0, 0.0), |(count, sum), (.., k)| (count + 1.0, sum + 1.0 / k));
+        let speed = (count / (mass_kg * softness)).sqrt();
+        let is_free = self.on_site_n_per_m.iter().all(|k| *k == 0.0);
+        Some(speed).filter(|speed| is_free && speed.is_finite() && *speed > 0.0)
+    }
+
     /// The springs between beads: (a bead, another, N/m).
     pub fn bonds(&self) -> impl Iterator<Item = (usize, usize, f64)> {
         let chain = self.contact_n_per_m.iter().enumerate().map(|(contact, k)| (contact, contact + 1, *k));

@@ -19,7 +19,10 @@ enum Parts {
     /// Equal beads and springs. Displacements and velocities are the real and imaginary parts of one transform.
     Waves {
         kind: Kind,
-        root_mass: f64,
+        /// Energies (J) of each mode for a displacement and a velocity of 1 in the transform.
+        weights: Vec<[f64; 2]>,
+        /// Turns by half a place, of chains with free ends.
+        turns: Vec<Complex<f64>>,
         fft: Arc<dyn Fft<f64>>,
         numbers: Vec<Complex<f64>>,
         scratch: Vec<Complex<f64>>,
@@ -66,19 +69,32 @@ impl Modal {
             let half_angle = PI * kind.wave(mode) as f64 / kind.period(beads) as f64;
             ((4.0 * stiffness * half_angle.sin().powi(2) + tied) / mass_kg).sqrt()
         };
-        let fft = FftPlanner::new().plan_fft_forward(kind.period(beads));
+        let period = kind.period(beads);
+        let omega_rad_s: Vec<f64> = (0..beads).map(omega).collect();
+        let weight = |(mode, omega): (usize, &f64)| {
+            let of_velocity = 0.5 * mass_kg * kind.norm(mode, beads);
+            [of_velocity * (omega * omega), of_velocity]
+        };
+        let turn = |wave: usize| Complex::from_polar(1.0, -PI * wave as f64 / period as f64);
+        let fft = FftPlanner::new().plan_fft_forward(period);
         let none = Complex::new(0.0, 0.0);
-        let (numbers, scratch) = (vec![none; kind.period(beads)], vec![none; fft.get_inplace_scratch_len()]);
-        let parts = Parts::Waves { kind, root_mass: mass_kg.sqrt(), fft, numbers, scratch };
-        Ok(Self { omega_rad_s: (0..beads).map(omega).collect(), parts })
+        let parts = Parts::Waves {
+            kind,
+            weights: omega_rad_s.iter().enumerate().map(weight).collect(),
+            turns: (0..if kind == Kind::Free { beads } else { 0 }).map(turn).collect(),
+            numbers: vec![none; period],
+            scratch: vec![none; fft.get_inplace_scratch_len()],
+            fft,
+        };
+        Ok(Self { omega_rad_s, parts })
     }
 
-    /// Refuses a chain that [`of`](Self::of) refuses for its size, without looking for its modes.
+    /// Number of modes of a chain, without looking for them.
     ///
     /// # Errors
     /// When there are too many beads for a matrix.
-    pub fn check(chain: &LinearChain) -> Result<(), ModesError> {
-        if Kind::of(chain).is_some() { Ok(()) } else { Modes::count_of(chain).map(drop) }
+    pub fn count_of(chain: &LinearChain) -> Result<usize, ModesError> {
+        if Kind::of(chain).is_some() { Ok(chain.bead_count()) } else { Modes::count_of(chain) }
     }
 
     /// Frequency of mode `mode` (Hz), counted from 0.
@@ -100,12 +116,12 @@ impl Modal {
             Parts::Matrix(modes) => {
                 energies_j.extend((0..omega.len()).map(|mode| modes.energy_j(mode, u_m, v_m_s)));
             }
-            Parts::Waves { kind, root_mass, fft, numbers, scratch } => {
+            Parts::Waves { kind, weights, turns, fft, numbers, scratch } => {
                 kind.spread(u_m, v_m_s, numbers);
                 fft.process_with_scratch(numbers, scratch);
-                energies_j.extend(omega.iter().enumerate().map(|(mode, omega)| {
-                    let [y, rate] = kind.part(mode, u_m.len(), numbers).map(|part| *root_mass * part);
-                    0.5 * (rate * rate + (omega * y) * (omega * y))
+                energies_j.extend(weights.iter().enumerate().map(|(mode, [of_place, of_velocity])| {
+                    let [place, velocity] = kind.parts(mode, numbers, turns);
+                    of_place * (place * place) + of_velocity * (velocity * velocity)
                 }));
             }
         }
@@ -165,27 +181,33 @@ impl Kind {
         }
     }
 
-    /// The parts of displacements and velocities along the unit vector of mode `mode`, from the transform.
-    fn part(self, mode: usize, beads: usize, numbers: &[Complex<f64>]) -> [f64; 2] {
-        let (wave, period) = (self.wave(mode), numbers.len());
-        let (here, there) = (numbers[wave], numbers[(period - wave) % period].conj());
-        // the transforms of the two
-        let (u, v) = ((here + there) * 0.5, (here - there) * Complex::new(0.0, -0.5));
+    /// The square of the factor from [`parts`](Self::parts) to those along the unit vector of mode `mode`.
+    fn norm(self, mode: usize, beads: usize) -> f64 {
+        let is_alone = self != Self::Fixed && (mode == 0 || 2 * self.wave(mode) == self.period(beads));
+        let places = if self == Self::Fixed { beads + 1 } else { beads };
+        (if is_alone { 0.25 } else { 0.5 }) / places as f64
+    }
+
+    /// Displacement and velocity of mode `mode`, but for their sign and a factor, from the transform: that of displacements is imaginary between
+    /// walls, and real but for a turn between free ends.
+    #[inline(always)]
+    fn parts(self, mode: usize, numbers: &[Complex<f64>], turns: &[Complex<f64>]) -> [f64; 2] {
         match self {
-            Self::Fixed => {
-                let factor = 0.5 * (2.0 / (beads + 1) as f64).sqrt();
-                [-u.im * factor, -v.im * factor]
-            }
+            Self::Fixed => [numbers[mode + 1].im, numbers[mode + 1].re],
             Self::Free => {
-                let turn = Complex::from_polar(1.0, -PI * wave as f64 / period as f64);
-                let factor = 0.5 * (if mode == 0 { 1.0 } else { 2.0 } / beads as f64).sqrt();
-                [(u * turn).re * factor, (v * turn).re * factor]
+                let turned = numbers[mode] * turns[mode];
+                [turned.re, turned.im]
             }
             Self::Ring => {
-                let is_alone = mode == 0 || 2 * wave == period;
-                let factor = (if is_alone { 1.0 } else { 2.0 } / beads as f64).sqrt();
-                let is_cosine = is_alone || mode % 2 == 1;
-                if is_cosine { [u.re * factor, v.re * factor] } else { [-u.im * factor, -v.im * factor] }
+                let wave = self.wave(mode);
+                let (here, there) =
+                    (numbers[wave], numbers[if wave == 0 { 0 } else { numbers.len() - wave }]);
+                let is_cosine = mode % 2 == 1 || mode == 0;
+                if is_cosine {
+                    [here.re + there.re, here.im + there.im]
+                } else {
+                    [here.im - there.im, here.re - there.re]
+                }
             }
         }
     }

@@ -106,19 +106,16 @@ impl Lanes {
 
     /// Advances all by as many steps as one sweep can make, by one at least and `most` at most; gives how many.
     pub(crate) fn advance(&mut self, most: u64) -> u64 {
-        let (before, ChainState { v_m_s, extra, .. }) = (self.together.step, &mut self.together);
-        let last = match &mut self.baths {
-            Some(baths) => {
-                baths.before([v_m_s, extra], before);
-                before + 1
-            }
-            None => before + most,
-        };
-        self.splitting.advance(&mut self.together, last);
-        if let Some(baths) = &mut self.baths {
-            baths.after([&mut self.together.v_m_s, &mut self.together.extra], before);
+        let Self { splitting, baths, together, .. } = self;
+        let before = together.step;
+        if let Some(baths) = baths {
+            baths.before(&mut together.v_m_s, &mut together.extra, before);
         }
-        self.together.step - before
+        splitting.advance(together, before + most, baths.as_mut());
+        if let Some(baths) = baths {
+            baths.after(&mut together.v_m_s, &mut together.extra, together.step - 1);
+        }
+        together.step - before
     }
 
     /// Copies the numbers of the chain in `lane` into `state`; its step is the caller's.

@@ -6,8 +6,9 @@
 
 mod with_drives;
 
+use crate::baths::Baths;
 use crate::drives::{Drives, Now};
-use crate::kernel::{Activity, Kernel, Pass, PerLane};
+use crate::kernel::{Activity, Kernel, Pass, PerLane, Shake};
 use crate::pieces::Knots;
 use crate::state::ChainState;
 use crate::tangents::Tangents;
@@ -173,8 +174,10 @@ impl Splitting {
         self.dt_s.0[0]
     }
 
-    /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`.
-    pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64) {
+    /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`; `baths` act between them.
+    pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64, baths: Option<&mut Baths>) {
+        let is_alone = baths.is_some() && (self.others.is_some() || !self.kernel.fits_in_a_tile());
+        let last = if is_alone { state.step + 1 } else { last };
         if let Some(mut others) = self.others.take() {
             let knot = others.knots.next(state.step);
             if others.is_at_walls && knot != Some(state.step) {
@@ -193,10 +196,20 @@ impl Splitting {
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
             self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         }
-        let steps = self.steps_to(state.step, last);
-        self.kernel.sweep(&self.passes, state.u_m.whole(), state.v_m_s.whole());
-        state.step += steps;
-        self.forces_of_step = Some(state.step);
+        let ChainState { u_m, v_m_s, extra, step } = state;
+        let steps = self.steps_to(*step, last);
+        let mut made = *step;
+        let mut shake = baths.map(|baths| {
+            move |v_m_s: &mut [f64]| {
+                baths.after(v_m_s, extra, made);
+                made += 1;
+                baths.before(v_m_s, extra, made);
+            }
+        });
+        let shake = shake.as_mut().map(|shake| shake as Shake<'_>);
+        self.kernel.sweep_and_shake(&self.passes, u_m.whole(), v_m_s.whole(), shake);
+        *step += steps;
+        self.forces_of_step = Some(*step);
     }
 
     /// Number of steps from step `step` to `last` that one sweep can make; makes its passes.

@@ -157,6 +157,12 @@ fn kinds() -> Vec<Variant> {
             };
             (c.bath, c.ends.left) = (vec![bath("0", 1e-3), bath("-1", 1e-5)], End::Fixed);
         }),
+        ("a ring in a bath, and its last beads in a second one", |c| {
+            bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(2)), -1e8)]);
+            let all = "temperature_j = { ramp = { amplitude = 1e-3, to_s = 1e-6 } }\nfriction_per_s = 5e4\n";
+            let last = "beads = \"-2..\"\ntemperature_j = 1e-5\nfriction_per_s = 2e4\nseed = 3\n";
+            c.bath = [all, last].map(|text| toml::from_str(text).expect("a bath")).into();
+        }),
         ("pairs in a bath", |c| {
             bonds(c, &[(TermLaw::Spring(Spring(1)), 1e5), (TermLaw::Spring(Spring(3)), 1e12)]);
             let text = "temperature_j = { ramp = { amplitude = 1e-3, to_s = 1e-6 } }\nfriction_per_s = 5e4\npairs = true\n";

@@ -85,7 +85,7 @@ impl Kernel {
     ) {
         self.move_walls(motion.walls_m);
         let Some(mut damped) = self.damped.take() else {
-            return self.sweep_over(beads, &[Pass::Forces], motion.u_m, motion.v_m_s);
+            return self.sweep_over(beads, &[Pass::Forces], motion.u_m, motion.v_m_s, None);
         };
         self.elastic(&mut damped, beads, motion);
         self.damp(&damped, beads, motion, power_w);
@@ -113,6 +113,8 @@ impl Kernel {
                 walls_m: &self.walls_m,
                 wall_forces_n: &mut [[PerLane::same(0.0); 2]],
                 law: &part.law,
+                shaken: &self.shaken,
+                shake: None,
             };
             in_vectors(self.arch, sweep);
         }

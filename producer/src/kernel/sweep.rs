@@ -52,6 +52,18 @@ impl Kernel {
     /// Takes all beads and contacts that may not be at rest through `passes`, and widens the window of active
     /// beads over those that a contact now pushes. `u_m` and `v_m_s` have room behind the last bead.
     pub(crate) fn sweep(&mut self, passes: &[Pass], u_m: &mut [f64], v_m_s: &mut [f64]) {
+        self.sweep_and_shake(passes, u_m, v_m_s, None);
+    }
+
+    /// Does the same, and lets baths act on velocities (m/s) between two kicks that meet: `passes` have such kicks only if there are no
+    /// baths, or all beads are swept [at once](Self::fits_in_a_tile).
+    pub(crate) fn sweep_and_shake(
+        &mut self,
+        passes: &[Pass],
+        u_m: &mut [f64],
+        v_m_s: &mut [f64],
+        shake: Option<Shake<'_>>,
+    ) {
         if self.activity.beads.is_empty() {
             return;
         }
@@ -59,7 +71,7 @@ impl Kernel {
         let reach = passes.iter().filter(|pass| pass.has_forces()).count();
         let beads = self.reached(reach);
         assert!(passes.len() <= self.passes_of_a_sweep(), "no pass is a whole tile behind the first");
-        self.sweep_over(&beads, passes, u_m, v_m_s);
+        self.sweep_over(&beads, passes, u_m, v_m_s, shake);
         self.widen(&beads, u_m, v_m_s);
     }
 
@@ -70,6 +82,7 @@ impl Kernel {
         passes: &[Pass],
         u_m: &mut [f64],
         v_m_s: &mut [f64],
+        shake: Option<Shake<'_>>,
     ) {
         let evaluations = passes.iter().filter(|pass| pass.has_forces()).count();
         self.wall_forces_n.clear();
@@ -89,6 +102,8 @@ impl Kernel {
             walls_m: &self.walls_m,
             wall_forces_n: &mut self.wall_forces_n,
             law: &self.law,
+            shaken: &self.shaken,
+            shake: shake.map(|shake| shake as Shake<'_>),
         };
         in_vectors(self.arch, sweep);
     }
@@ -99,7 +114,7 @@ impl Kernel {
     }
 
     /// True if all beads are swept at once: in a ring the last contact joins both ends.
-    fn fits_in_a_tile(&self) -> bool {
+    pub(crate) fn fits_in_a_tile(&self) -> bool {
         self.ends.is_ring || self.count <= self.tile
     }
 
@@ -126,6 +141,9 @@ impl Kernel {
     }
 }
 
+/// The action of baths on velocities (m/s) between two steps.
+pub(crate) type Shake<'a> = &'a mut dyn FnMut(&mut [f64]);
+
 /// The ends of a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ends {
@@ -133,6 +151,33 @@ pub(super) struct Ends {
     pub(super) is_ring: bool,
     /// True for each end that has a wall.
     pub(super) have_wall: [bool; 2],
+}
+
+/// The groups with beads that baths act on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Shaken {
+    /// The numbers at which they begin and end, in turns.
+    bounds: Vec<usize>,
+}
+
+impl Shaken {
+    /// Adds those with one of these numbers.
+    pub(super) fn add(&mut self, numbers: Range<usize>) {
+        let mut ranges: Vec<_> = self.bounds.as_chunks::<2>().0.to_vec();
+        ranges.push([numbers.start - numbers.start % GROUP, numbers.end.next_multiple_of(GROUP)]);
+        ranges.sort_unstable();
+        ranges.dedup_by(|next, last| {
+            let touches = next[0] <= last[1];
+            last[1] = if touches && next[1] > last[1] { next[1] } else { last[1] };
+            touches
+        });
+        self.bounds = ranges.concat();
+    }
+
+    /// True if they have this number.
+    fn has(&self, number: usize) -> bool {
+        self.bounds.partition_point(|bound| *bound <= number) % 2 == 1
+    }
 }
 
 /// Everything that a sweep takes its beads through. Arrays have room behind the last bead.
@@ -154,6 +199,8 @@ pub(super) struct Sweep<'a> {
     pub(super) walls_m: &'a [[PerLane; 2]],
     pub(super) wall_forces_n: &'a mut [[PerLane; 2]],
     pub(super) law: &'a ContactLaw,
+    pub(super) shaken: &'a Shaken,
+    pub(super) shake: Option<Shake<'a>>,
 }
 
 impl WithSimd for Sweep<'_> {
@@ -258,17 +305,14 @@ impl Sweep<'_> {
                 let none = PerLane::same(0.0);
                 let motion = match pass {
                     Pass::Stage { kick_s, drift_s } => motion(1, kick_s, drift_s),
-                    Pass::StageAfterKick { kick_s, drift_s } => motion(2, kick_s, drift_s),
+                    Pass::StageAfterKick { kick_s, drift_s } => {
+                        self.shake::<S, L>(simd, kick_s);
+                        motion(2, kick_s, drift_s)
+                    }
                     Pass::Forces => motion(0, &none, &none),
                     Pass::Kick { kick_s: time_s } | Pass::Drift { drift_s: time_s } => {
                         let is_kick = matches!(pass, Pass::Kick { .. });
-                        simd.vectorize(Simple {
-                            sweep: self,
-                            is_kick,
-                            time_s,
-                            part,
-                            layout: PhantomData::<L>,
-                        });
+                        self.simple::<S, L>(simd, is_kick, time_s, part);
                         continue;
                     }
                 };
@@ -277,6 +321,24 @@ impl Sweep<'_> {
             }
             start = end;
         }
+    }
+
+    /// Makes a kick, or a drift, without forces.
+    #[inline(always)]
+    fn simple<S: Simd, L: Layout>(&mut self, simd: S, is_kick: bool, time_s: &PerLane, part: Range<usize>) {
+        simd.vectorize(Simple { sweep: self, is_kick, time_s, part, layout: PhantomData::<L> });
+    }
+
+    /// Makes the first of two kicks that meet in the groups with baths, and lets these act.
+    #[inline(always)]
+    fn shake<S: Simd, L: Layout>(&mut self, simd: S, kick_s: &PerLane) {
+        let Some(shake) = self.shake.take() else { return };
+        let shaken = self.shaken;
+        for bounds in shaken.bounds.as_chunks::<2>().0 {
+            self.simple::<S, L>(simd, true, kick_s, bounds[0]..bounds[1]);
+        }
+        shake(self.v_m_s);
+        self.shake = Some(shake);
     }
 
     /// Moves the beads that begin at the numbers `part`, and evaluates the contacts on their left.
@@ -300,6 +362,38 @@ impl Sweep<'_> {
             terms: &constants.terms,
             springs: constants.springs,
         };
+        // groups with baths have made the first of two kicks
+        let shaken = self.shaken;
+        let bounds = if motion.kicks == 2 { &shaken.bounds[..] } else { &[] };
+        let mut start = part.start;
+        for piece in 0..=bounds.len() {
+            let numbers = start..bounds.get(piece).copied().unwrap_or(part.end);
+            start = numbers.end;
+            let motion = if piece % 2 == 1 { Motion { kicks: 1, ..motion } } else { motion };
+            before = self.groups::<S, P, L, KIND>(simd, laws, motion, before, numbers, (last, ends));
+        }
+        let wall = &mut self.wall_forces_n[evaluation];
+        if part.start == 0 {
+            wall[0].0[..stride].copy_from_slice(&self.force[..stride]);
+        }
+        if part.contains(&ends.behind) {
+            wall[1].0[..stride].copy_from_slice(&self.force[ends.behind..ends.behind + stride]);
+        }
+    }
+
+    /// Moves the beads that begin at the numbers `part`, whole groups, after the register `before`; gives their last one. The chain ends in
+    /// the group that begins at the number `last`.
+    #[inline(always)]
+    fn groups<S: Simd, P: Power, L: Layout, const KIND: u8>(
+        &mut self,
+        simd: S,
+        laws: Laws<'_, P, S::f64s>,
+        motion: Motion<S::f64s>,
+        mut before: S::f64s,
+        part: Range<usize>,
+        (last, ends): (usize, Neighbours<S::f64s>),
+    ) -> S::f64s {
+        let constants = self.constants;
         let (u, v) = (&mut self.u_m[part.clone()], &mut self.v_m_s[part.clone()]);
         let force = &mut self.force[part.start..part.end + LANES];
         let presses = &mut self.presses[part.start / GROUP..=part.end / GROUP];
@@ -318,13 +412,7 @@ impl Sweep<'_> {
             let place = (start == 0 || start == last).then_some((start, ends));
             before = beads.step::<S, P, L, KIND>(simd, laws, motion, before, place);
         }
-        let wall = &mut self.wall_forces_n[evaluation];
-        if part.start == 0 {
-            wall[0].0[..stride].copy_from_slice(&self.force[..stride]);
-        }
-        if part.contains(&ends.behind) {
-            wall[1].0[..stride].copy_from_slice(&self.force[ends.behind..ends.behind + stride]);
-        }
+        before
     }
 
     /// The group that begins at the number `start`.
@@ -386,6 +474,8 @@ impl Sweep<'_> {
                 net = simd.sub_f64s(net, springs.pull(simd, row(linear), row(cubic), place));
             }
         }
+        let is_shaken = motion.kicks == 2 && self.shaken.has(bead * stride);
+        let motion = if is_shaken { Motion { kicks: 1, ..motion } } else { motion };
         let velocity = motion.kicked(simd, inverse_mass, net, velocity);
         simd.add_f64s(place, simd.mul_f64s(motion.drift_s, velocity))
     }

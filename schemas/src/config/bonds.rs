@@ -85,7 +85,7 @@ impl JsonSchema for Bonds {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let forms = bond_forms().map(|form| {
             let mut stiffness = Profile::json_schema(generator);
-            let about = format!("Stiffness of the {} force: {}.", form.words, form.allowed);
+            let about = format!("Stiffness of the {} force; allowed: {}.", form.words, form.allowed);
             stiffness.insert("description".to_owned(), about.into());
             if !form.has_either_sign {
                 not_negative(&mut stiffness);
@@ -96,6 +96,7 @@ impl JsonSchema for Bonds {
                     let mut parameter = json_schema!({ "type": "number", "description": unit });
                     positive(&mut parameter);
                     json_schema!({
+                        "description": format!("The {} force.", form.words),
                         "type": "object",
                         "properties": { "stiffness": stiffness, key: parameter },
                         "required": ["stiffness", key],

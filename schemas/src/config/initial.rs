@@ -58,10 +58,10 @@ pub struct Gaussian {
     /// Its width w, in beads.
     #[schemars(transform = positive)]
     pub width_beads: f64,
-    /// A of the displacements (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
-    /// A of the velocities (m/s).
+    /// The amplitude A of the velocities (m/s).
     #[serde(default)]
     pub velocity_m_s: f64,
 }
@@ -72,13 +72,13 @@ pub struct Gaussian {
 pub struct PlaneWave {
     /// Wavelengths in the chain.
     pub cycles: f64,
-    /// A (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
-    /// B (m/s).
+    /// The amplitude B of the velocities (m/s).
     #[serde(default)]
     pub velocity_m_s: f64,
-    /// φ (rad).
+    /// The phase φ (rad).
     #[serde(default)]
     pub phase_rad: f64,
 }
@@ -90,7 +90,7 @@ pub struct ModeShape {
     /// Number of the mode, from 1.
     #[schemars(range(min = 1))]
     pub number: u64,
-    /// A (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
     /// The same of the velocities (m/s).

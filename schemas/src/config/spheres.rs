@@ -53,15 +53,15 @@ struct WrittenSphere {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     diameter_m: Option<f64>,
-    /// Density ρ (kg/m³) [default: that of `material`].
+    /// Density ρ (kg/m³) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
-    /// Young's modulus E (Pa) [default: that of `material`].
+    /// Young's modulus E (Pa) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     young_pa: Option<f64>,
-    /// Poisson's ratio ν [default: that of `material`].
+    /// Poisson's ratio ν [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,
@@ -113,15 +113,15 @@ struct WrittenMaterial {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("enum" = material_names()))]
     material: Option<String>,
-    /// Density ρ (kg/m³) [default: that of `material`].
+    /// Density ρ (kg/m³) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
-    /// Young's modulus E (Pa) [default: that of `material`].
+    /// Young's modulus E (Pa) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     young_pa: Option<f64>,
-    /// Poisson's ratio ν [default: that of `material`].
+    /// Poisson's ratio ν [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,

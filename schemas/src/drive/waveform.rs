@@ -54,12 +54,12 @@ fn or_number(schema: &mut Schema) {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sine {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
-    /// f (Hz).
+    /// The frequency f (Hz).
     #[schemars(transform = positive)]
     pub frequency_hz: f64,
-    /// φ (rad).
+    /// The phase φ (rad).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub phase_rad: f64,
     /// Duration of its growth (s).
@@ -80,7 +80,7 @@ pub struct Sine {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Chirp {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Frequency at time 0, f0 (Hz).
     #[schemars(transform = not_negative)]
@@ -105,7 +105,7 @@ pub struct Chirp {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its beginning (s).
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -120,7 +120,7 @@ pub struct Step {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ramp {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Beginning of the line (s).
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -133,7 +133,7 @@ pub struct Ramp {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfSine {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its duration (s).
     #[schemars(transform = positive)]
@@ -147,14 +147,14 @@ pub struct HalfSine {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gaussian {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its middle (s).
     pub at_s: f64,
     /// Its standard deviation (s).
     #[schemars(transform = positive)]
     pub width_s: f64,
-    /// f (Hz) of the burst, 0 for a plain Gaussian.
+    /// The frequency f (Hz) of the burst, 0 for a plain Gaussian.
     #[serde(default, skip_serializing_if = "is_zero")]
     #[schemars(transform = not_negative)]
     pub frequency_hz: f64,

@@ -264,6 +264,7 @@ fn curves_of(
         x: choice.x.clone(),
         panels,
         log: choice.log,
+        slopes: args.slope.clone(),
         band,
         scattered: choice.scattered,
         caption: caption(path, columns, choice, (curve, band.is_some()), &gaps),

@@ -1,14 +1,21 @@
 //! The analyses, receiving apart, against copying the frame once.
 
-use super::recordings::Frames;
+use super::recordings::{Frames, manifest};
 use super::{Bench, Floor, Rounds, Row, timed};
 use crate::report::Report;
-use anyhow::Error;
+use anyhow::{Context as _, Error};
+use consumers::analysis::{Beginning, Outlet, RowValues, Settings};
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};
 use consumers::impurity::Followed;
+use consumers::table::Cell;
+use producer::state::ChainState;
+use schemas::config::End;
 use schemas::frame::Frame;
+use schemas::presets::PRESETS;
+use schemas::term::{Spring, TermLaw};
 use std::hint::black_box;
+use std::time::Duration;
 
 /// Energies, impurity and contacts of each frame.
 pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
@@ -32,7 +39,62 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
         move |frame: &Frame<'_>| {
             black_box(contacts.observe(frame));
         }
-    })?)
+    })?)?;
+    modal(rounds, report)
+}
+
+/// Frames of a measurement of [`modal`].
+const FRAMES: u32 = 2000;
+
+/// Takes what an analysis finds, and keeps nothing.
+struct Nowhere;
+
+impl Outlet for Nowhere {
+    fn wants(&self, _: usize) -> bool {
+        false
+    }
+
+    fn line(&mut self, _: usize, _: &[Cell]) {}
+
+    fn is_published(&self) -> bool {
+        true
+    }
+
+    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
+        black_box(row);
+    }
+}
+
+/// The energies of all modes of equal beads, and their entropy, against the time that they may take.
+fn modal(rounds: u32, report: &mut Report) -> Result<(), Error> {
+    let offer = analyses::named("modal").context("an analysis of this name")?;
+    for (what, end) in [
+        ("modal of a frame, N = 1024, a ring", End::Periodic),
+        ("modal of a frame, N = 1024, walls", End::Fixed),
+    ] {
+        let mut config = PRESETS[0].config();
+        config.chain.impurities.clear();
+        (config.chain.beads, config.ends.left, config.ends.right) = (1024, end, end);
+        config.chain.alpha = 1.0;
+        config.chain.bonds = Some([(TermLaw::Spring(Spring(1)), 1e5)].into_iter().collect());
+        let manifest = manifest(&config)?;
+        let v_m_s: Vec<f64> = (0..1024).map(|i| 1e-3 * f64::from(i * i % 7)).collect();
+        let state = ChainState::starting_at(&manifest.physics, &vec![0.0; v_m_s.len()], &v_m_s);
+        let settings = Settings::default();
+        let begun = (offer.begin)(&Beginning::whole(offer.name, &manifest, &settings));
+        let mut analysis = begun.map_err(|refusal| Error::msg(refusal.why))?;
+        let frame = state.as_frame(&manifest, 0);
+        let observe = || {
+            timed(|| {
+                (0..FRAMES).for_each(|_| analysis.observe(&frame, &mut Nowhere));
+                Ok(())
+            })
+        };
+        let rounds = Rounds::alternate(rounds, observe, || Ok(FRAMES * Duration::from_micros(20)))?;
+        let figure = format!("{:.1} µs a frame", rounds.ours_s() / f64::from(FRAMES) * 1e6);
+        report.row(rounds.row(what, "20 µs", Floor::AtMost(1.0), figure))?;
+    }
+    Ok(())
 }
 
 fn row<O: FnMut(&Frame<'_>)>(

@@ -9,7 +9,7 @@ use std::path::Path;
 const KNOWN: [(&str, &str); 8] = [
     ("consumers/figure/src", "layout legend"),
     (
-        "schemas/bus/src",
+        "schemas/bus/src/transport",
         "backpressure board creating delivery leftovers manifest_file position room root services shared_segment",
     ),
     ("schemas/recording/src", "proto read repair results write"),

@@ -5,6 +5,7 @@ use crate::integrator::splitting::Stages;
 use schemas::chain::Chain;
 use schemas::damping::Damping;
 use schemas::functions::{Moment, exp, exp_m1};
+use schemas::random::normals;
 
 pub(super) fn step(physics: &Physics, state: &mut ChainState) {
     bathe(physics, state, 0);
@@ -39,8 +40,9 @@ fn bathe(physics: &Physics, state: &mut ChainState, half: usize) {
     }
     for (bath, bead, other) in all {
         let temperature_j = bath.temperature_j(Moment::new(step + half as u64, dt_s, 0.0));
-        let noise =
-            bath.noise(bath.seed.unwrap_or(physics.seed), step, u32::try_from(bead).expect("a bead"))[half];
+        let place = u32::try_from(bead).expect("a bead");
+        let stream = [place, if bath.pairs { 2 } else { 1 }];
+        let noise = normals(bath.seed.unwrap_or(physics.seed), step, stream)[half];
         let (decay, spread) = (
             exp(-(bath.friction_per_s * (0.5 * dt_s))),
             (0.0 - exp_m1(-(bath.friction_per_s * dt_s))).sqrt(),

@@ -42,7 +42,7 @@ struct SweepFile {
     check: Option<bool>,
     /// The bead at which the energies on the left and on the right part [default: the impurity].
     split_bead: Option<u64>,
-    /// Columns of analyses, such as "energies.driven_j", "forces.peak_n@right"; `beadline analyses` lists them.
+    /// Columns of analyses, such as `energies.driven_j`, `forces.peak_n@right`; `beadline analyses` lists them.
     measure: Option<Vec<String>>,
     /// The time (s) from which these look at frames [default: 0].
     #[schemars(range(min = 0))]
@@ -62,7 +62,7 @@ struct Base {
     config: RunConfig,
 }
 
-/// Values of keys. A key is written in quotes, "chain.alpha", or as tables in tables.
+/// Values of keys. A key is written in quotes, `"chain.alpha"`, or as tables in tables.
 #[derive(JsonSchema)]
 pub struct Grid(BTreeMap<String, Values<Axis>>);
 

@@ -93,7 +93,7 @@ impl Reader<'_> {
         let (count, is_log) = (count.unwrap_or(COUNT), spacing == Spacing::Log);
         let most = MOST_NUMBERS / (measure.len() as u64 + 1);
         if measure.is_empty() {
-            let allowed = "columns of analyses, such as [\"spreading.second_moment_beads2\"]";
+            let allowed = "columns of analyses, such as [\"energies.total_j\"]";
             return Err(refuse("series.measure", format!("found nothing; allowed: {allowed}")));
         }
         if !(1..=most).contains(&count) {

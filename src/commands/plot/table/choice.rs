@@ -141,7 +141,7 @@ fn log(args: &PlotArgs, columns: &Columns, axes: [Option<&str>; 2]) -> Result<[b
     if !args.log.is_empty() {
         return Ok([AxisArg::X, AxisArg::Y].map(|axis| args.log.contains(&axis)));
     }
-    if args.fit.is_some() {
+    if args.fit.is_some() || !args.slope.is_empty() {
         return Ok([true; 2]);
     }
     let swept = columns.swept();

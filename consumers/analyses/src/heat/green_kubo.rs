@@ -1,0 +1,163 @@
+//! Conductivity from the fluctuations of the current in equilibrium.
+
+use consumers::analysis::Refusal;
+use consumers::blocks::{Blocks, Estimate, FEWEST};
+use consumers::statistics::Statistics;
+use figure::{Axis, Curve, Panel};
+use waves::correlation::Autocorrelation;
+use waves::sampling::{Sampling, Take};
+
+/// Most samples of the longest lag, if it is told and if not. Each takes 1 kB.
+const MOST_LAGS: [u64; 2] = [1 << 18, 1 << 14];
+
+/// Sums for `κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²)`, with the current J of n contacts and the temperature T (J): the autocorrelation of windows of the run, and its integral, by trapezia.
+pub(super) struct GreenKubo {
+    lag_s: Option<f64>,
+    dt_s: f64,
+    last_step: u64,
+    sampling: Sampling,
+    /// The first sample (W), until there is a second one.
+    first_w: f64,
+    windows: Option<Autocorrelation>,
+    /// Means over each window: the autocorrelation (W²), its integral (W²s), the current (W).
+    blocks: Blocks,
+}
+
+/// A lag (s), the autocorrelation there (W²) and the conductivity up to it (1/s), each with its error.
+pub(super) type Point = (f64, [f64; 2], [f64; 2]);
+
+impl GreenKubo {
+    pub(super) fn new(lag_s: Option<f64>, dt_s: f64, last_step: u64) -> Self {
+        let (sampling, blocks) = (Sampling::default(), Blocks::new(0));
+        Self { lag_s, dt_s, last_step, sampling, first_w: 0.0, windows: None, blocks }
+    }
+
+    /// Time between samples (s).
+    fn interval_s(&self) -> f64 {
+        self.sampling.interval_steps().unwrap_or(1) as f64 * self.dt_s
+    }
+
+    /// The longest lag, in samples of a run that has so many.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "above 0; what is too large is bounded"
+    )]
+    fn lags(&self, samples: u64) -> u64 {
+        let told = self.lag_s.map(|lag_s| ((lag_s / self.interval_s()).round() as u64).max(1));
+        told.unwrap_or_else(|| (samples / 20).clamp(1, MOST_LAGS[1]))
+    }
+
+    /// Takes the current of the frame at `step`.
+    pub(super) fn push(&mut self, step: u64, current_w: f64) {
+        let take = self.sampling.take(step);
+        if take == Take::Skip {
+            return;
+        }
+        if self.windows.is_none() {
+            let Some(samples) = self.sampling.expected(self.last_step) else {
+                self.first_w = current_w;
+                return;
+            };
+            let lags = usize::try_from(self.lags(samples).min(MOST_LAGS[0])).unwrap_or(1);
+            self.windows = Some(Autocorrelation::new(lags));
+            self.blocks = Blocks::new(2 * lags + 3);
+            self.add(self.first_w);
+        }
+        if let Some(windows) = self.windows.as_mut().filter(|_| take == Take::AfterGap) {
+            windows.restart();
+        }
+        self.add(current_w);
+    }
+
+    fn add(&mut self, current_w: f64) {
+        let interval_s = self.interval_s();
+        let Some(windows) = &mut self.windows else { return };
+        let Some((products, mean)) = windows.push(current_w) else { return };
+        let integrals = products.windows(2).scan(0.0, |sum, pair| {
+            *sum += 0.5 * (pair[0] + pair[1]) * interval_s;
+            Some(*sum)
+        });
+        self.blocks.push(products.iter().copied().chain([0.0]).chain(integrals).chain([mean]));
+    }
+
+    /// Refuses a lag that takes too much memory, once samples have come.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
+        let lags = self.lags(0);
+        if lags <= MOST_LAGS[0] {
+            return Ok(());
+        }
+        let why = format!("{lags} frames; allowed: at most {}. Choose a shorter one", MOST_LAGS[0]);
+        Err(Refusal::of("lag", self.lag_s.unwrap_or_default().to_string(), why))
+    }
+
+    /// The points from the lag 0 on, of a current through `contacts` contacts at this temperature (J); none where no window was full.
+    pub(super) fn points(&self, contacts: usize, temperature: Estimate) -> Vec<Point> {
+        let lags = self.windows.as_ref().map_or(0, Autocorrelation::lags);
+        if self.blocks.frames() == 0 {
+            return Vec::new();
+        }
+        let (interval_s, mean) = (self.interval_s(), self.blocks.estimate(2 * lags + 2).mean);
+        let factor = 1.0 / (contacts as f64 * temperature.mean * temperature.mean);
+        let parts: Vec<Vec<f64>> = self.blocks.means().collect();
+        // less what the mean makes of it, in each block to first order
+        let less = |place: usize, weight: f64| {
+            let of_part = |part: &Vec<f64>| part[place] - weight * mean * (2.0 * part[2 * lags + 2] - mean);
+            let found = Statistics::of(parts.iter().map(of_part)).filter(|_| parts.len() >= FEWEST);
+            let error = found.and_then(|found| found.standard_error).unwrap_or(f64::NAN);
+            [self.blocks.estimate(place).mean - weight * mean * mean, error]
+        };
+        let of = |lag: usize| {
+            let lag_s = lag as f64 * interval_s;
+            let (product, [integral, error]) = (less(lag, 1.0), less(lags + 1 + lag, lag_s));
+            let of_temperature = 2.0 * factor * integral * temperature.error / temperature.mean;
+            (lag_s, product, [factor * integral, (factor * error).hypot(of_temperature)])
+        };
+        (0..=lags).map(of).collect()
+    }
+}
+
+/// The conductivity over the longest lag that it takes in.
+pub(super) fn panel(points: &[Point]) -> Panel {
+    let band = points.iter().map(|(t, _, [k, error])| (*t, k - 2.0 * error, k + 2.0 * error));
+    let curve = Curve::line("", points.iter().map(|(t, _, [k, _])| (*t, *k))).band(band);
+    Panel::new()
+        .x_axis(Axis::new("longest lag τ (s)"))
+        .y_axis(Axis::new("conductivity κ(τ) (1/s)"))
+        .curve(curve)
+        .note("Green and Kubo")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::random::normal;
+
+    /// x ← c·x + ξ has the autocorrelation c^lag/(1 − c²).
+    #[test]
+    fn a_process_with_memory_has_its_integral() {
+        let (c, contacts, frames) = (0.8_f64, 5, 200_000);
+        let temperature = Estimate { mean: 2.0, error: 0.0, memory_frames: 0.0 };
+        for mean in [0.0, 3.0] {
+            let (mut sums, mut x) = (GreenKubo::new(Some(10.0), 0.25, frames - 1), 0.0);
+            for step in (0..frames).filter(|step| !(500..700).contains(step)) {
+                x = c * x + normal(7, 1, step);
+                sums.push(step, x + mean);
+            }
+            let points = sums.points(contacts, temperature);
+            assert_eq!(points.len(), 41);
+            let (mut integral, mut off) = (0.0, 0);
+            for (lag, (lag_s, product, conductivity)) in (0_i32..).zip(&points) {
+                assert_eq!(*lag_s, 0.25 * f64::from(lag));
+                let exact = |lag| c.powi(lag) / (1.0 - c * c);
+                if lag > 0 {
+                    integral += 0.125 * (exact(lag - 1) + exact(lag)) / (5.0 * 4.0);
+                    off += u32::from((conductivity[0] - integral).abs() > 2.0 * conductivity[1]);
+                    assert!((conductivity[0] - integral).abs() < 4.0 * conductivity[1], "{lag}");
+                }
+                assert!((product[0] - exact(lag)).abs() < 4.0 * product[1], "{lag} {product:?}");
+            }
+            assert!(points[40].2[1] < 0.05 * points[40].2[0] && off < 12, "{:?} {off}", points[40]);
+        }
+    }
+}
