@@ -34,7 +34,7 @@ const LONGEST: usize = 1000;
 type Rule = (&'static str, fn(&str) -> bool, &'static str);
 
 const RULES: [Rule; 4] = [
-    ("author", is_name, "the name of a person, or several, in one line of at most 1,000 bytes"),
+    ("author", is_name, "a name, or several, in one line of at most 1,000 bytes"),
     (
         "orcid",
         is_orcid,
