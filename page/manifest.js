@@ -503,14 +503,16 @@ const PROVENANCE = {
   ...{ publish_every_steps: count(1, MOST_STEPS), record_every_steps: count(1, MOST_STEPS) },
 };
 
+const CREDIT = { author: text, orcid: text, licence: text, doi: text };
+
 /**
  * Throws where no run has this provenance; of a later version it may say more.
  * @param {any} provenance
  * @param {boolean} isNewer
  */
 export function checkProvenance(provenance, isNewer) {
-  const known = Object.entries(provenance).filter(([key]) => !isNewer || Object.hasOwn(PROVENANCE, key));
-  object(PROVENANCE)(Object.fromEntries(known), "");
+  const known = Object.entries(provenance).filter(([key]) => !isNewer || Object.hasOwn({ ...PROVENANCE, ...CREDIT }, key));
+  object(PROVENANCE, CREDIT)(Object.fromEntries(known), "");
   const { publish_every_steps: publish, record_every_steps: record } = provenance;
   if (record % publish !== 0) {
     refuse("record_every_steps", record, `a multiple of publish_every_steps = ${publish}`);

@@ -32,6 +32,7 @@ const SALVAGE = "`beadline recover` saves what can be saved";
 const PROVENANCE_KEYS = {
   ...{ name: 0, run_id: 0, program: 0, host: 0, started_unix_ns: 0 },
   ...{ publish_every_steps: 0, record_every_steps: 0 },
+  ...{ author: 0, orcid: 0, licence: 0, doi: 0 },
 };
 
 /** @param {string} what @returns {never} */

@@ -1,6 +1,6 @@
 // Tables of a run in words and numbers: parameters and provenance, pulses, events, progress of a live run.
 
-import { make, table } from "./elements.js";
+import { make, shown, table } from "./elements.js";
 import { amount } from "./axes.js";
 
 /** @typedef {import("./run.js").Run} Run */
@@ -148,6 +148,12 @@ export function runTable({ info, physics }, digits) {
     ["host", provenance.host],
     ["started", started > 0 ? new Date(started).toISOString().replace("T", " ").replace(/\..*/, " UTC") : "not known"],
   ];
+  for (const key of /** @type {const} */ (["author", "orcid", "licence", "doi"])) {
+    const said = provenance[key];
+    if (said !== undefined) {
+      origin.push([key, shown(said)]);
+    }
+  }
   if (info.kind === "recording") {
     origin.push(["stored states", `${info.storedCount}, steps ${info.firstStep} to ${info.lastStep}`]);
     origin.push(["ended", info.end ? info.end.reason : "not closed: it was cut short, or is still being written"]);

@@ -91,6 +91,10 @@ export interface Provenance {
   started_unix_ns: number;
   publish_every_steps: number;
   record_every_steps: number;
+  author?: string;
+  orcid?: string;
+  licence?: string;
+  doi?: string;
 }
 
 export interface Manifest {

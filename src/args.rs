@@ -85,6 +85,15 @@ pub(crate) enum Command {
         #[arg(value_parser = presets())]
         name: String,
     },
+    /// Print the JSON Schema of a kind of file, for editors that know such schemas
+    #[command(after_help = "Examples:\n  \
+        beadline schema > beadline-run.schema.json          beside the files that name it\n  \
+        beadline schema sweep > beadline-sweep.schema.json")]
+    Schema {
+        /// The kind of file
+        #[arg(default_value = "run", value_parser = ["run", "sweep", "orbit"])]
+        kind: String,
+    },
     /// List the analyses: their columns, and the numbers that sweeps may keep
     #[command(after_help = "Examples:\n  beadline analyses\n  beadline analyses --json | jq '.[].numbers'")]
     Analyses {
@@ -211,6 +220,7 @@ pub(crate) struct DemoArgs {
     beadline run --impurity 400=2e-3 --impurity 600=0.5e-3 --duration 0.1\n  \
     beadline run --striker 0=5 --striker 999=-5       two pulses that meet\n  \
     beadline run chain.toml --seed 7 --dry-run        only its description, disordered anew\n  \
+    beadline run chain.toml --author 'Ada Lovelace' --licence CC-BY-4.0\n  \
     beadline run --resume chain.mcap.partial          goes on with a run that was interrupted\n  \
     beadline run chain.toml --out s3://bucket/chain.mcap   sent to a store while it is written\n\n\
     A kill costs at most the last --flush-period of a recording, a power failure the last --sync-period. --resume \
@@ -247,7 +257,7 @@ pub(crate) struct RunArgs {
     #[arg(
         long,
         value_name = "FILE.mcap.partial",
-        conflicts_with_all = ["config", "preset", "name", "no_record", "Overrides"]
+        conflicts_with_all = ["config", "preset", "name", "no_record", "CreditArgs", "Overrides"]
     )]
     pub(crate) resume: Option<PathBuf>,
     /// Replace a recording that exists
@@ -281,7 +291,27 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
+    pub(crate) credit: CreditArgs,
+    #[command(flatten)]
     pub(crate) overrides: Overrides,
+}
+
+/// Credit in place of that of the configuration.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "For those who cite the run, as in [provenance] of the configuration")]
+pub(crate) struct CreditArgs {
+    /// The author, or several
+    #[arg(long, value_name = "NAME")]
+    pub(crate) author: Option<String>,
+    /// ORCID of the author
+    #[arg(long, value_name = "0000-0000-0000-0000")]
+    pub(crate) orcid: Option<String>,
+    /// Licence of the recording, such as CC-BY-4.0
+    #[arg(long, value_name = "SPDX")]
+    pub(crate) licence: Option<String>,
+    /// DOI of the recording, or of the work that it belongs to
+    #[arg(long, value_name = "10.…")]
+    pub(crate) doi: Option<String>,
 }
 
 impl RunArgs {

@@ -21,6 +21,7 @@ pub(crate) mod relay;
 pub(crate) mod replay;
 pub(crate) mod reproduce;
 pub(crate) mod run;
+pub(crate) mod schema;
 pub(crate) mod share;
 pub(crate) mod sweep;
 pub(crate) mod thin;
@@ -30,12 +31,12 @@ pub(crate) mod upload;
 pub(crate) mod verify;
 pub(crate) mod view;
 
-/// Prints the one of `examples`, files to begin with by their names, that is asked for.
-pub(crate) fn print_example(examples: &[(&str, &str)], asked: &str) -> Result<Done, Failure> {
+/// Prints the one of `examples`, files of a `kind` to begin with by their names, that is asked for.
+pub(crate) fn print_example(kind: &str, examples: &[(&str, &str)], asked: &str) -> Result<Done, Failure> {
     let Some((_, text)) = examples.iter().find(|(name, _)| *name == asked) else {
         let names: Vec<&str> = examples.iter().map(|(name, _)| *name).collect();
         return Err(bad_input!("there is no example `{asked}`; there are: {}", names.join(", ")));
     };
-    display::print(text)?;
+    display::print(schema::line(kind) + text)?;
     Ok(Done::Whole)
 }

@@ -1,11 +1,12 @@
 //! Makes a manifest from the flags of `run`.
 
-use crate::args::{CheckArgs, Overrides, RunArgs};
+use crate::args::{CheckArgs, CreditArgs, Overrides, RunArgs};
 use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use recording::RecordingInfo;
 use schemas::config::{ConfigError, Impurity, RunConfig, StrikerConfig, Strikers};
+use schemas::credit::Credit;
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
 use std::fmt::Write;
@@ -38,18 +39,31 @@ pub(crate) struct Asked<'a> {
     config: &'a Option<PathBuf>,
     preset: &'a str,
     name: &'a Option<String>,
+    credit: Option<&'a CreditArgs>,
     overrides: &'a Overrides,
 }
 
 impl<'a> From<&'a RunArgs> for Asked<'a> {
     fn from(args: &'a RunArgs) -> Self {
-        Self { config: &args.config, preset: &args.preset, name: &args.name, overrides: &args.overrides }
+        Self {
+            config: &args.config,
+            preset: &args.preset,
+            name: &args.name,
+            credit: Some(&args.credit),
+            overrides: &args.overrides,
+        }
     }
 }
 
 impl<'a> From<&'a CheckArgs> for Asked<'a> {
     fn from(args: &'a CheckArgs) -> Self {
-        Self { config: &args.source, preset: &args.preset, name: &None, overrides: &args.overrides }
+        Self {
+            config: &args.source,
+            preset: &args.preset,
+            name: &None,
+            credit: None,
+            overrides: &args.overrides,
+        }
     }
 }
 
@@ -66,7 +80,8 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
         (config.to_toml(), config)
     };
     let written = config.clone();
-    let replaced = apply(args.overrides, args.name.as_ref(), &mut config);
+    let mut replaced = apply(args.overrides, args.name.as_ref(), &mut config);
+    replaced.extend(args.credit.into_iter().flat_map(|credit| give_credit(credit, &mut config.provenance)));
     let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let beside = args.config.as_ref().and_then(|path| path.parent());
     let located = |error: ConfigError| error.located(&text, args.config.as_deref());
@@ -118,6 +133,22 @@ type Replaced = (&'static str, &'static str);
 /// A key of a configuration that the flags replace, if there is one.
 pub(crate) fn replaced_key(overrides: &Overrides) -> Option<&'static str> {
     apply(overrides, None, &mut PRESETS[0].config()).first().map(|(key, _)| *key)
+}
+
+/// Applies the flags about credit, and names the keys that they replaced.
+fn give_credit(from: &CreditArgs, to: &mut Credit) -> Vec<Replaced> {
+    let texts = [
+        (("provenance.author", "--author"), &from.author, &mut to.author),
+        (("provenance.orcid", "--orcid"), &from.orcid, &mut to.orcid),
+        (("provenance.licence", "--licence"), &from.licence, &mut to.licence),
+        (("provenance.doi", "--doi"), &from.doi, &mut to.doi),
+    ];
+    let given = texts.into_iter().filter(|(_, from, _)| from.is_some());
+    let give = |(by, from, to): (Replaced, &Option<String>, &mut Option<String>)| {
+        to.clone_from(from);
+        by
+    };
+    given.map(give).collect()
 }
 
 /// Applies the flags, and names the keys that they replaced.

@@ -136,6 +136,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Check(args) => commands::check::check(&args),
         Command::Presets => commands::presets::list(),
         Command::Preset { name } => commands::presets::print(&name),
+        Command::Schema { kind } => commands::schema::print(&kind),
         Command::Analyses { json } => commands::analyses::list(json),
         Command::Plot(args) => commands::plot::plot(&args),
         Command::View(args) => commands::view::view(&args),

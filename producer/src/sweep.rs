@@ -18,7 +18,7 @@ mod keys;
 mod sobol;
 mod values;
 
-pub use definition::{GridAxis, Series, Until, grid};
+pub use definition::{Grid, GridAxis, Series, Until, grid, schema};
 pub use document::KeyPath;
 pub use ensemble::Ensemble;
 pub use identity::MOST_CHECKED;

@@ -13,6 +13,8 @@ use crate::beads::Beads;
 use crate::config_error::ConfigError;
 use crate::drive::Waveform;
 use crate::functions::Moment;
+use crate::json_schema::positive;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -23,24 +25,25 @@ pub(crate) const BOLTZMANN_J_K: f64 = 1.380_649e-23;
 pub(crate) const MOST_FRICTION: f64 = 0.5;
 
 /// A heat bath: `[[bath]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bath {
-    /// The beads in it; all of the chain by default.
+    /// The beads in it [default: all].
     #[serde(default)]
     pub beads: Beads,
-    /// `k_B·T` (J), a number or a function of time.
+    /// The temperature `k_B·T` (J), a number or a function of time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature_j: Option<Waveform>,
-    /// T (K), in place of `temperature_j`.
+    /// The temperature T (K), in place of `temperature_j`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature_k: Option<Waveform>,
-    /// γ (1/s).
+    /// The friction γ (1/s).
+    #[schemars(transform = positive)]
     pub friction_per_s: f64,
-    /// Seed of its noise; that of the run by default.
+    /// Seed of its noise [default: that of the run].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// True if it acts on the relative velocity of neighbours, so that it conserves momentum.
+    /// True if it acts on the relative velocity of neighbours, so that it conserves momentum [default: false].
     #[serde(default, skip_serializing_if = "is_false")]
     pub pairs: bool,
 }

@@ -1,5 +1,6 @@
 //! Neighbouring beads, as a person names them.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Range;
@@ -7,7 +8,7 @@ use std::str::FromStr;
 
 /// Beads in a row: `100..200`, `100..`, `..200` without the last bead, `100..=199` with it, `-4..` for the last four. In a
 /// configuration also a single one: `3`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Beads {
     /// The first bead; counted from behind the last one if it is negative.
@@ -16,11 +17,11 @@ pub struct Beads {
     pub to: Option<i64>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "a bead, or beads such as \"0..4\", \"..4\" or \"-4..\"")]
 enum Written {
     One(i64),
-    Row(String),
+    Row(#[schemars(regex(pattern = r"^([+-]?[0-9]+)?\.\.(=?[+-]?[0-9]+)?$"))] String),
 }
 
 impl Beads {

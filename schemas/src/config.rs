@@ -27,19 +27,23 @@ pub use strikers::Strikers;
 
 use crate::amounts::count;
 use crate::bath::Bath;
+use crate::credit::Credit;
 use crate::drive::Drive;
+use crate::json_schema::{self, exponent, not_negative, positive};
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
 /// A configuration file (TOML), every value as written.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RunConfig {
-    /// Name of the run on the bus, `[a-z0-9-]{1,64}`.
+    /// Name of the run on the bus: 1 to 64 of a-z, 0-9 and -, the first of which is no - [default: the file's name].
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(regex(pattern = "^[a-z0-9][a-z0-9-]{0,63}$"))]
     pub name: Option<String>,
-    /// Seed of disorder, thermal velocities and baths.
+    /// Seed of disorder, thermal velocities and baths [default: 0].
     #[serde(default, skip_serializing_if = "is_seedless")]
     pub seed: u64,
     /// The beads and their contacts.
@@ -64,6 +68,7 @@ pub struct RunConfig {
     pub resonators: Option<Resonators>,
     /// The beads that are struck at the beginning.
     #[serde(default)]
+    #[schemars(schema_with = "several::schema::<StrikerConfig>")]
     pub striker: Strikers,
     /// Initial state, beside the strikers.
     #[serde(default, skip_serializing_if = "Initial::is_none")]
@@ -76,29 +81,36 @@ pub struct RunConfig {
     pub bath: Vec<Bath>,
     /// Duration and time step.
     pub time: TimeConfig,
-    /// The integration method.
+    /// The integration method [default: rkn4, or the first one that takes all that the run has].
     #[serde(default)]
     pub integrator: IntegratorConfig,
     /// Intervals of publishing and recording.
     #[serde(default)]
     pub stream: StreamConfig,
+    /// The author and the licence, for those who cite the run.
+    #[serde(default, skip_serializing_if = "Credit::is_none")]
+    pub provenance: Credit,
 }
 
 /// The `[chain]` table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChainConfig {
-    /// Number of beads N.
+    /// Number of beads N, 2 to 20,000,000.
+    #[schemars(range(min = 2))]
     pub beads: u64,
     /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: the first sphere gives it.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[schemars(transform = positive)]
     pub bead_mass_kg: f64,
     /// Exponent α of the contact law. May be left out with `spheres`, where it is 1.5, and with `bonds`.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[schemars(transform = exponent)]
     pub alpha: f64,
     /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. It is left out with `spheres`, and may be with
     /// `bonds`: the first contact gives it.
     #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[schemars(transform = positive)]
     pub stiffness: f64,
     /// A rule for the masses of all beads.
     #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
@@ -114,18 +126,22 @@ pub struct ChainConfig {
     pub contacts: Vec<OddContact>,
     /// Spheres of given materials, whose masses and stiffnesses take the place of all others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(schema_with = "several::schema::<Sphere>")]
     pub spheres: Option<Spheres>,
     /// Spheres that differ from the others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(schema_with = "spheres::odd_schema")]
     pub odd_spheres: Vec<OddSphere>,
     /// The exponent of each contact, in place of `alpha`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = exponent)]
     pub alphas: Option<Profile>,
     /// A second power that is added to the force of each contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<SecondPower>,
     /// The gap (m) of each contact before anything moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = not_negative)]
     pub gaps_m: Option<Profile>,
     /// Bonds in place of contacts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -148,8 +164,9 @@ fn is_seedless(seed: &u64) -> bool {
 }
 
 /// The masses of the beads of a chain, before its impurities.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(transform = positive)]
 pub enum MassRule {
     /// Every bead has `bead_mass_kg`.
     #[default]
@@ -163,8 +180,9 @@ pub enum MassRule {
 }
 
 /// The stiffnesses of the contacts of a chain, before its odd contacts.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(transform = positive)]
 pub enum StiffnessRule {
     /// Every contact has `stiffness`.
     #[default]
@@ -193,17 +211,18 @@ impl StiffnessRule {
 }
 
 /// A contact of another stiffness.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OddContact {
     /// Number of the contact, from 0; it joins the beads `contact` and `contact + 1`.
     pub contact: u64,
     /// Its stiffness (N·m^−α).
+    #[schemars(transform = positive)]
     pub stiffness: f64,
 }
 
 /// The `[ends]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EndsConfig {
     /// The left end, beside bead 0.
@@ -212,9 +231,11 @@ pub struct EndsConfig {
     pub right: End,
     /// Stiffness (N·m^−α) of the contact with the left wall [default: that of the chain].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub left_stiffness: Option<f64>,
     /// Stiffness (N·m^−α) of the contact with the right wall [default: that of the chain].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub right_stiffness: Option<f64>,
     /// Material of the left wall, with spheres [default: that of the end bead].
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -224,14 +245,16 @@ pub struct EndsConfig {
     pub right_material: Option<WallMaterial>,
     /// Beads with drag at an absorbing end [default: a fifth of the chain, at most 100].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
     pub absorbing_beads: Option<u64>,
     /// The drag (N·s/m) of the last bead of an absorbing end [default: half of m/T, 1/200 of it in a chain without load or bonds].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub absorbing_drag_n_s_per_m: Option<f64>,
 }
 
 /// The condition at an end of the chain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
     /// Nothing.
@@ -253,7 +276,7 @@ impl EndsConfig {
 }
 
 /// The `[load]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadConfig {
     /// Constant acceleration of every bead (m/s²), positive towards higher bead numbers; a wall must carry
@@ -263,6 +286,7 @@ pub struct LoadConfig {
     /// Force (N) that presses the chain together from both ends: a wall exerts it, or a constant force on the end bead where
     /// there is no wall.
     #[serde(skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub precompression_n: f64,
 }
 
@@ -279,17 +303,18 @@ fn is_zero(value: &f64) -> bool {
 }
 
 /// A bead of another mass.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Impurity {
     /// Number of the bead, from 0.
     pub bead: u64,
     /// Its mass (kg).
+    #[schemars(transform = positive)]
     pub mass_kg: f64,
 }
 
 /// The `[striker]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StrikerConfig {
     /// Number of the bead, from 0.
@@ -299,19 +324,20 @@ pub struct StrikerConfig {
 }
 
 /// The `[time]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeConfig {
     /// Simulated time (s).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub duration_s: f64,
-    /// Time step (s); by default a fraction of the collision time T, see
-    /// [`Method::default_step_fraction`].
+    /// Time step (s) [default: a fraction of the collision time T, which depends on the method].
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub dt_s: Option<f64>,
 }
 
 /// The `[integrator]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IntegratorConfig {
     /// The method.
@@ -325,12 +351,14 @@ impl Default for IntegratorConfig {
 }
 
 /// The `[stream]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StreamConfig {
     /// Number of steps from one published frame to the next.
+    #[schemars(range(min = 1))]
     pub publish_every_steps: u64,
     /// Number of steps from one recorded frame to the next; a multiple of `publish_every_steps`.
+    #[schemars(range(min = 1))]
     pub record_every_steps: u64,
 }
 
@@ -341,6 +369,11 @@ impl Default for StreamConfig {
 }
 
 impl RunConfig {
+    /// The JSON Schema of configurations.
+    pub fn schema() -> Schema {
+        json_schema::of::<Self>("A run of Beadline", "A chain of beads, its beginning and its duration.")
+    }
+
     /// Reads a configuration from TOML text.
     ///
     /// # Errors
@@ -537,6 +570,16 @@ mod tests {
                     "{error}"
                 );
             }
+        }
+    }
+
+    /// The text of a schema is for people who know neither Rust nor JSON.
+    #[test]
+    fn nothing_of_the_program_is_left_in_the_schema() {
+        let text = RunConfig::schema().as_value().to_string();
+        for leak in ["null", "[`", "::", "Written", "uint64"] {
+            let near = text.find(leak).and_then(|at| text.get(at.saturating_sub(80)..at + 40));
+            assert_eq!(near, None, "{leak}");
         }
     }
 

@@ -12,31 +12,35 @@
 
 use crate::config_error::ConfigError;
 use crate::contact::ContactLaw;
+use crate::json_schema::positive;
 use crate::power::power;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::E;
 
 /// The `[damping]` table: one of its keys.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DampingConfig {
     /// A dashpot in every closed contact: the force `γ·dδ/dt`, γ in N·s/m.
-    ViscousNSPerM(f64),
+    ViscousNSPerM(#[schemars(transform = positive)] f64),
     /// Coefficient of restitution e of two beads, the same at any speed: the force `η·δ^((α−1)/2)·dδ/dt`.
-    Restitution(f64),
+    Restitution(#[schemars(range(min = 1e-3), extend("exclusiveMaximum" = 1))] f64),
     /// Kuwabara's and Kono's law of viscoelastic spheres: `k·α·A·δ^(α−1)·dδ/dt` with a time A (s).
-    KuwabaraKonoS(f64),
+    KuwabaraKonoS(#[schemars(transform = positive)] f64),
     /// `η·δ^p·dδ/dt` with any p.
     Power(PowerDamping),
 }
 
 /// A damping force `η·δ^p·dδ/dt`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PowerDamping {
     /// η (N·s·m^(−1−p)).
+    #[schemars(transform = positive)]
     pub coefficient: f64,
     /// p, 0 or more.
+    #[schemars(range(min = 0, max = 100))]
     pub exponent: f64,
 }
 

@@ -11,11 +11,12 @@ pub use table::{Interpolation, Table, table_from_csv};
 pub use waveform::{Chirp, Gaussian, HalfSine, Ramp, Sine, Step, Waveform};
 
 use crate::config_error::ConfigError;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// An end of the chain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
     /// Before bead 0.
@@ -83,7 +84,7 @@ impl Quantity {
 }
 
 /// Something that acts on the chain from outside: `{ wall = "left", displacement_m = { sine = … } }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "read::WrittenDrive", into = "read::WrittenDrive")]
 pub struct Drive {
     /// The place at which it acts.

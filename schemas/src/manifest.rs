@@ -8,6 +8,7 @@ mod physics;
 pub use physics::{Limit, Physics, Ranges};
 
 use crate::config::{ConfigError, RunConfig};
+use crate::credit::Credit;
 use crate::run_name::RunName;
 use crate::text::{MAX_TEXT_BYTES, shown_within};
 use serde::de::IgnoredAny;
@@ -89,6 +90,9 @@ pub struct Provenance {
     pub publish_every_steps: u64,
     /// Number of steps from one recorded frame to the next.
     pub record_every_steps: u64,
+    /// The author and the licence.
+    #[serde(flatten)]
+    pub credit: Credit,
 }
 
 /// The description of a run: all other parts of the program know the run by it alone.
@@ -212,6 +216,7 @@ impl RunManifest {
                 return Err(ConfigError::value(key, format!("a text of {} bytes", text.len()), &allowed));
             }
         }
+        config.provenance.check()?;
         let stream = config.stream;
         let manifest = Self {
             schema_version: SCHEMA_VERSION,
@@ -224,6 +229,7 @@ impl RunManifest {
                 started_unix_ns: origin.started_unix_ns,
                 publish_every_steps: stream.publish_every_steps,
                 record_every_steps: stream.record_every_steps,
+                credit: config.provenance.clone(),
             },
         };
         manifest.check_stream()?;
@@ -431,7 +437,7 @@ mod tests {
         let page = page.split("## Sweeps").next().expect("a part");
         let blocks: Vec<&str> =
             page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-        assert_eq!(blocks.len(), 12);
+        assert_eq!(blocks.len(), 13);
         for block in &blocks {
             let config = RunConfig::from_toml(block).unwrap_or_else(|error| panic!("{error} in\n{block}"));
             let physics = Physics::resolve(&config);
@@ -469,6 +475,29 @@ mod tests {
         assert_eq!(back, m);
         assert_eq!(back.physics.dt_s.to_bits(), m.physics.dt_s.to_bits());
         assert_eq!(back.physics.hash(), m.physics.hash());
+    }
+
+    /// Credit decides no bit: not the hash, and not whether an earlier recording opens. A later one may say more.
+    #[test]
+    fn credit_is_kept_beside_the_physics() {
+        let mut config = PRESETS[0].config();
+        let [orcid, licence] = ["0000-0002-1825-0097", "CC-BY-4.0"].map(|text| Some(text.to_owned()));
+        config.provenance = Credit { orcid, licence, ..Credit::default() };
+        let m = RunManifest::new(&config, "run", origin()).expect("valid");
+        assert_eq!(m.physics.hash(), manifest().physics.hash());
+        let json = m.to_json();
+        assert!(json.contains(r#","orcid":"0000-0002-1825-0097","licence":"CC-BY-4.0"}}"#), "{json}");
+        assert_eq!(RunManifest::from_json(json.as_bytes()).expect("own JSON"), m);
+        assert_eq!(RunConfig::from_toml(&config.to_toml()), Ok(config.clone()));
+        let colour = json.replace("\"orcid\"", "\"colour\":1,\"orcid\"");
+        let error = RunManifest::from_json(colour.as_bytes()).expect_err("a key that no manifest has");
+        assert!(error.to_string().contains("`provenance.colour`"), "{error}");
+        let later = colour.replace("\"minor\":1", "\"minor\":2");
+        let read = RunManifest::from_json(later.as_bytes()).expect("a later version");
+        assert_eq!(read.provenance.credit, config.provenance);
+        config.provenance.doi = Some("doi:10.5281/1".to_owned());
+        let error = RunManifest::new(&config, "run", origin()).expect_err("no DOI");
+        assert_eq!(error.key, "provenance.doi");
     }
 
     #[test]

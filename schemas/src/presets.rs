@@ -6,6 +6,7 @@ use crate::config::{
     ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule,
     OnSite, RunConfig, StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
 };
+use crate::credit::Credit;
 use crate::method::Method;
 
 /// A configuration with a name and a sentence about it.
@@ -244,6 +245,7 @@ impl Preset {
             time: TimeConfig { duration_s: self.duration_s, dt_s: None },
             integrator: IntegratorConfig::default(),
             stream: StreamConfig::default(),
+            provenance: Credit::default(),
         };
         (self.change)(&mut config);
         config

@@ -9,7 +9,7 @@ const ANALYSE: &str = "Analyse, while a run goes or from its recording";
 
 const CONTENTS: [(&str, &[&str]); 7] = [
     ("Begin", &["demo"]),
-    ("Simulate", &["run", "check", "presets", "preset", "sweep", "orbit"]),
+    ("Simulate", &["run", "check", "presets", "preset", "sweep", "orbit", "schema"]),
     (ANALYSE, &["plot", "analyses"]),
     ("Look", &["view", "share", "top", "ls"]),
     (

@@ -74,6 +74,9 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     rows.add("run", format_args!("{} {}", provenance.name, provenance.run_id));
     rows.append(of_physics(physics));
     rows.add("made by", format_args!("{} on {}", provenance.program, provenance.host));
+    for (key, text) in provenance.credit.rows() {
+        rows.each(key, text);
+    }
     rows.add("schema", info.manifest.schema_version);
     rows.add("time", time);
     let (size, uncompressed) = (bytes(info.file_bytes), bytes(info.uncompressed_bytes));

@@ -51,7 +51,7 @@ const SHOWN: usize = 6;
 
 pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     if let Some(asked) = &args.example {
-        return super::print_example(&EXAMPLES, asked);
+        return super::print_example("orbit", &EXAMPLES, asked);
     }
     let (Some(path), Some(out)) = (&args.file, &args.out) else {
         return Err(bad_input!("an orbit needs ORBIT.toml and --out DIR; see --help"));

@@ -1,5 +1,6 @@
 //! `beadline presets` and `beadline preset NAME`.
 
+use crate::commands::schema;
 use crate::configuration::preset;
 use crate::display;
 use crate::failure::{Done, Failure};
@@ -15,6 +16,7 @@ pub(crate) fn list() -> Result<Done, Failure> {
 pub(crate) fn print(name: &str) -> Result<Done, Failure> {
     let preset = preset(name)?;
     let (about, config) = (preset.about, preset.config().to_toml());
-    display::print(format_args!("# {about}\n# run it with `beadline run FILE.toml`\n{config}"))?;
+    let schema = schema::line("run");
+    display::print(format_args!("{schema}# {about}\n# run it with `beadline run FILE.toml`\n{config}"))?;
     Ok(Done::Whole)
 }

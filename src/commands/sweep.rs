@@ -28,7 +28,7 @@ const EXAMPLES: [(&str, &str); 5] = [
 
 pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
     if let Some(asked) = &args.example {
-        return super::print_example(&EXAMPLES, asked);
+        return super::print_example("sweep", &EXAMPLES, asked);
     }
     if let (Some(file), true) = (&args.file, args.plan) {
         return plan(file, args);

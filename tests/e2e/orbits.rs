@@ -237,11 +237,11 @@ fn impossible_maps_are_refused_with_the_line_and_leave_nothing() {
     let amplitude = "\"drive[0].displacement_m.sine.amplitude\" = { from = 5e-8, to = 8e-7, count = 16 }\n";
     let follow = "[continue]\nkey = \"orbit.periods\"\nfrom = 1.0\nto = 2.0\n[grid]";
     for (from, to, expected) in [
-        (amplitude, "", "map.toml:26: grid: found 1 keys"),
-        ("count = 16", "count = 1", "map.toml:28: drive[0]"),
+        (amplitude, "", "map.toml:28: grid: found 1 keys"),
+        ("count = 16", "count = 1", "map.toml:30: drive[0]"),
         ("count = 16", "count = 4000", "at most 10000"),
-        ("from = 10000", "from = -10000", "map.toml:27: drive[0]"),
-        ("{ from = 5e-8, to = 8e-7, count = 16 }", "[\n1e-7,\n\"much\"]", "map.toml:30: drive[0]"),
+        ("from = 10000", "from = -10000", "map.toml:29: drive[0]"),
+        ("{ from = 5e-8, to = 8e-7, count = 16 }", "[\n1e-7,\n\"much\"]", "map.toml:32: drive[0]"),
         ("{ from = 5e-8, to = 8e-7, count = 16 }", "[1e-7, 3e-7, 2e-7]", "rise or fall"),
         ("drive[0].displacement_m.sine.amplitude", "drive[1].displacement_m.sine.amplitude", "entry 1"),
         ("[grid]", follow, "[grid] beside it"),

@@ -352,11 +352,15 @@ async function checkMade() {
     { step: 3, time_s: 3, u: Float64Array.of(1, 2), v: Float64Array.of(1, 9), extra: new Float64Array(0) },
   ]);
   checkChanges();
+  const credit = { author: "Josiah Carberry", orcid: "0000-0002-1825-0097", licence: "CC-BY-4.0", doi: "10.5281/zenodo.1" };
+  const signed = await readAll(made({ provenance: credit }));
+  assert.partialDeepStrictEqual(signed.recording.manifest.provenance, credit);
   const later = await readAll(made({ version: "1.7", provenance: { weather: 1 } }));
   assert.match(later.recording.notes[0], /1\.7/);
   const wrong = [
     [{ version: "2.0" }, /schema version 2\.0/],
     [{ provenance: { weather: 1 } }, /"weather"/],
+    [{ provenance: { author: 7 } }, /author/],
     [{ physics: { weather: 1 } }, /"weather"/],
     [{ version: "1.7", physics: { striker: { bead: 0, velocity_m_s: 5, spin: 1 } } }, /"striker\.spin"/],
     [{ physics: { drives: [{ wall: "left", force_n: { sawtooth: { amplitude: 1 } } }] } }, /"drives\.force_n\.sawtooth"/],
@@ -378,7 +382,7 @@ async function checkMade() {
     const found = await readAll(made(how));
     assert.match(String(found.message), says, JSON.stringify(how));
   }
-  console.log(`${wrong.length + 2} files made, each as it should be`);
+  console.log(`${wrong.length + 3} files made, each as it should be`);
 }
 
 /** Refusals of the command that take a resolved chain to know; the page leaves them to `verify`. */

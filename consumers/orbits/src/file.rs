@@ -2,13 +2,16 @@
 
 mod grid;
 mod runs;
+mod schema;
 
 pub use grid::Grid;
+pub use schema::schema;
 
 use crate::branch::Stretch;
 use crate::spectra::Spectrum;
 use crate::{Asked, MapError, Options, Orbit, Problem};
 use producer::sweep::KeyPath;
+use schemars::JsonSchema;
 use schemas::config::{ConfigError, Initial, RunConfig, Strikers, TimeConfig};
 use schemas::drive::Waveform;
 use schemas::manifest::Physics;
@@ -23,41 +26,63 @@ use waves::modes::Modes;
 pub type Prepare = fn(RunConfig, Option<&Path>) -> Result<RunConfig, ConfigError>;
 
 /// The table `[orbit]`.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(inline)]
 struct Written {
-    /// The period (s); beside another quantity a first guess of it.
+    /// The period (s); beside another quantity a first guess of it. A drive gives it.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     period_s: Option<f64>,
+    /// The energy (J), in place of the period.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     energy_j: Option<f64>,
+    /// The displacement (m) at the beginning of the bead that the seed displaces most, in place of the period.
     amplitude_m: Option<f64>,
-    /// Periods of the drive in one of the orbit.
+    /// Periods of the drive in one of the orbit [default: 1].
+    #[schemars(range(min = 1, max = 1000))]
     periods: Option<u64>,
+    /// Beads by which the state has moved after a period.
     shift_beads: u64,
+    /// Steps of a period, an even number [default: those that a run takes for it].
+    #[schemars(range(min = 1, max = 100_000_000))]
     steps: Option<u64>,
+    /// Parts of the period, each with a beginning of its own [default: 1].
+    #[schemars(range(min = 1, max = 1000))]
     segments: Option<u64>,
+    /// A linear mode as the seed [default: the initial state].
     mode: Option<SeedMode>,
 }
 
 /// A linear mode as a seed.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(inline)]
 struct SeedMode {
-    /// Its number, from 1, as `modes` counts them.
+    /// Its number, from 1, as `beadline modes` counts them.
+    #[schemars(range(min = 1))]
     number: u64,
     /// Its largest displacement (m).
     displacement_m: f64,
 }
 
 /// The table `[continue]`.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(inline)]
 struct Continue {
+    /// The key of the parameter, such as `orbit.energy_j`.
     key: String,
+    /// Its value at the first orbit.
     from: f64,
+    /// Its value at which the branch ends.
     to: f64,
+    /// Length of the first step, as a part of the whole way.
     #[serde(default = "usual_step")]
+    #[schemars(range(min = 1e-6, max = 1))]
     step: f64,
+    /// The most orbits of the branch.
     #[serde(default = "usual_most")]
+    #[schemars(range(min = 2, max = 1_000_000))]
     most: usize,
     /// Runs that are compared with the branch.
     spectra: Option<runs::Runs>,
@@ -359,9 +384,11 @@ fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
 }
 
 /// The tables of an orbit file that a configuration does not have.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 struct Tables {
+    /// The orbit that is looked for, and how.
     orbit: Option<Written>,
+    /// The parameter along which orbits are followed.
     r#continue: Option<Continue>,
 }
 

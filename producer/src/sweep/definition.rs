@@ -2,16 +2,19 @@
 
 mod over;
 mod sample;
+mod schema;
 mod series;
 
 pub(super) use over::Over;
 pub(super) use sample::Samples;
+pub use schema::{Grid, schema};
 pub use series::Series;
 
 use super::SweepError;
 use super::document::{KeyPath, merge};
 use super::values::Range;
 use super::{Hooks, MeasureOf, index_of};
+use schemars::JsonSchema;
 use schemas::config::{ConfigError, line_at};
 use schemas::presets::{PRESETS, Preset};
 use schemas::spelling::did_you_mean;
@@ -79,7 +82,8 @@ impl Axis {
 }
 
 /// End of a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, JsonSchema)]
+#[schemars(rename_all = "lowercase")]
 pub enum Until {
     /// At the duration of its configuration.
     #[default]

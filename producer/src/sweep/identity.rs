@@ -20,6 +20,7 @@ impl Sweep {
         let mut hash = Sha256::new();
         let mut base = base.clone();
         base.remove("name");
+        base.remove("provenance");
         hash.update(format!("kernel {KERNEL_VERSION}\n{base}\n"));
         hash.update(format!("{:?} {:?} {:?}\n", self.parameters, self.until(), self.split_bead()));
         if self.check() {

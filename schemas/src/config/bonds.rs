@@ -1,20 +1,26 @@
 //! Laws of contacts beside one power: `chain.second` and `chain.bonds`.
 
 use super::{ConfigError, Profile};
+use crate::json_schema::{exponent, not_negative, positive};
 use crate::term::{BondForm, TermLaw, bond_forms};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Map, Value};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
 
 /// A second power of the overlap that each contact adds to its force.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SecondPower {
     /// Its exponent.
+    #[schemars(transform = exponent)]
     pub alpha: f64,
     /// Its stiffness (N·m^−alpha).
+    #[schemars(transform = not_negative)]
     pub stiffness: Profile,
 }
 
@@ -68,6 +74,40 @@ impl Bonds {
         let names = |forms: &[&BondForm]| forms.iter().map(|form| form.key).collect::<Vec<_>>().join(", ");
         let allowed = format!("one of {} among them: {} alone has no bottom", names(&hold), names(&others));
         ConfigError::value("chain.bonds", "no bonds that hold", &allowed)
+    }
+}
+
+impl JsonSchema for Bonds {
+    fn schema_name() -> Cow<'static, str> {
+        "Bonds".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let forms = bond_forms().map(|form| {
+            let mut stiffness = Profile::json_schema(generator);
+            let about = format!("Stiffness of the {} force; allowed: {}.", form.words, form.allowed);
+            stiffness.insert("description".to_owned(), about.into());
+            if !form.has_either_sign {
+                not_negative(&mut stiffness);
+            }
+            let value = match form.parameter {
+                None => stiffness,
+                Some((key, unit)) => {
+                    let mut parameter = json_schema!({ "type": "number", "description": unit });
+                    positive(&mut parameter);
+                    json_schema!({
+                        "description": format!("The {} force.", form.words),
+                        "type": "object",
+                        "properties": { "stiffness": stiffness, key: parameter },
+                        "required": ["stiffness", key],
+                        "additionalProperties": false,
+                    })
+                }
+            };
+            (form.key.to_owned(), value.into())
+        });
+        let keys: Map<String, Value> = forms.collect();
+        json_schema!({ "type": "object", "properties": keys, "additionalProperties": false })
     }
 }
 

@@ -1,10 +1,12 @@
 //! The `[initial]` table: displacements and velocities at step 0, beside those of strikers.
 
-use super::several::several;
+use super::several::{self, several};
+use crate::json_schema::positive;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The `[initial]` table, whose entries are added up.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Initial {
     /// Displacement of each bead (m), N values.
@@ -24,6 +26,7 @@ pub struct Initial {
     pub mode: Option<ModeShape>,
     /// Exact solitary waves, which become lists before a run begins.
     #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "several")]
+    #[schemars(schema_with = "several::schema::<Solitary>")]
     pub solitary: Vec<Solitary>,
     /// Linear modes with given energies, which become lists before a run begins.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,45 +50,47 @@ impl Initial {
 }
 
 /// `A·exp(−(i − b)²/(2·w²))`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gaussian {
     /// Its middle b, in beads.
     pub bead: f64,
     /// Its width w, in beads.
+    #[schemars(transform = positive)]
     pub width_beads: f64,
-    /// A of the displacements (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
-    /// A of the velocities (m/s).
+    /// The amplitude A of the velocities (m/s).
     #[serde(default)]
     pub velocity_m_s: f64,
 }
 
 /// `u = A·sin(2π·cycles·i/N + φ)`, `v = B·cos` of the same.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneWave {
     /// Wavelengths in the chain.
     pub cycles: f64,
-    /// A (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
-    /// B (m/s).
+    /// The amplitude B of the velocities (m/s).
     #[serde(default)]
     pub velocity_m_s: f64,
-    /// φ (rad).
+    /// The phase φ (rad).
     #[serde(default)]
     pub phase_rad: f64,
 }
 
 /// `u = A·sin(π·number·(i + 1)/(N + 1))`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModeShape {
     /// Number of the mode, from 1.
+    #[schemars(range(min = 1))]
     pub number: u64,
-    /// A (m).
+    /// The amplitude A of the displacements (m).
     #[serde(default)]
     pub displacement_m: f64,
     /// The same of the velocities (m/s).
@@ -94,7 +99,7 @@ pub struct ModeShape {
 }
 
 /// Linear modes of a chain, each with an energy.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModeEnergies {
     /// A mode, counted from 1, and its energy (J); or the first and the last mode of a band, and the energy of each.
@@ -105,7 +110,7 @@ pub struct ModeEnergies {
 }
 
 /// Phases of modes.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "\"random\", or a phase in rad")]
 pub enum Phase {
     /// All the same (rad): at 0 a mode is displaced and at rest.
@@ -113,15 +118,21 @@ pub enum Phase {
     /// By the seed of the run.
     #[default]
     #[serde(with = "random")]
+    #[schemars(schema_with = "random::schema")]
     Random,
 }
 
 /// The word for random phases.
 mod random {
+    use schemars::{Schema, SchemaGenerator, json_schema};
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
     pub(super) fn serialize<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str("random")
+    }
+
+    pub(super) fn schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "const": "random" })
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
@@ -131,7 +142,7 @@ mod random {
 }
 
 /// The solitary wave of an unloaded chain of equal beads, given by its speed or by its amplitude.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Solitary {
     /// Position of its crest, in beads.
@@ -145,19 +156,21 @@ pub struct Solitary {
 }
 
 /// Normal velocities of all beads, without total momentum: one of its keys.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Thermal {
     /// T (K): the mean kinetic energy of a bead is `k_B·T/2`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub temperature_k: Option<f64>,
     /// The mean kinetic energy of a bead (J).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub energy_j: Option<f64>,
 }
 
 /// A state of a recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FromRecording {
     /// The file.

@@ -1,20 +1,23 @@
 //! One number for all places, or one for each.
 
 use super::ConfigError;
+use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
 /// Numbers for the beads, or the contacts, of a chain.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
+#[schemars(inline, rename_all = "snake_case")]
 pub enum Profile {
-    /// The same everywhere.
-    Same(f64),
     /// Values that repeat along the chain.
     Pattern(Vec<f64>),
     /// One value for each.
     List(Vec<f64>),
+    /// The same everywhere.
+    #[schemars(untagged)]
+    Same(f64),
 }
 
 #[derive(Default, Serialize, Deserialize)]

@@ -1,10 +1,17 @@
 //! Lists of tables of which one may stand alone: `[table]` or `[[table]]`.
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
+
+/// The schema of one table, or a list of them.
+pub(super) fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
+    let one = generator.subschema_for::<T>();
+    json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
+}
 
 /// Reads one table, or a list of them.
 pub(super) fn several<'de, D: Deserializer<'de>, T: Deserialize<'de>>(

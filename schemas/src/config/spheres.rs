@@ -1,14 +1,18 @@
 //! Spheres and walls by their materials.
 
 use super::several::several;
-use crate::material::Material;
+use crate::json_schema::positive;
+use crate::material::{MATERIALS, Material};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::fmt;
 
 /// A sphere by its radius and its material.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "WrittenSphere", into = "WrittenSphere")]
 pub struct Sphere {
     /// Radius (m).
@@ -34,20 +38,32 @@ impl Sphere {
     }
 }
 
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct WrittenSphere {
+    /// Name of the material.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("enum" = material_names()))]
     material: Option<String>,
+    /// Radius (m), or `diameter_m`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     radius_m: Option<f64>,
+    /// Diameter (m), or `radius_m`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     diameter_m: Option<f64>,
+    /// Density ρ (kg/m³) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
+    /// Young's modulus E (Pa) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     young_pa: Option<f64>,
+    /// Poisson's ratio ν [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,
 }
 
@@ -84,17 +100,30 @@ impl TryFrom<WrittenSphere> for Sphere {
     }
 }
 
+/// Names of materials, for schemas.
+fn material_names() -> Value {
+    MATERIALS.iter().map(|named| named.name).collect()
+}
+
 /// A material by its name, or by numbers, which come before those of the name.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct WrittenMaterial {
+    /// Name of the material.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("enum" = material_names()))]
     material: Option<String>,
+    /// Density ρ (kg/m³) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
+    /// Young's modulus E (Pa) [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     young_pa: Option<f64>,
+    /// Poisson's ratio ν [default: that of the material].
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,
 }
 
@@ -103,7 +132,7 @@ impl WrittenMaterial {
         let named = match &self.material {
             None => None,
             Some(name) => Some(Material::named(name).ok_or_else(|| {
-                let known: Vec<_> = crate::material::MATERIALS.iter().map(|named| named.name).collect();
+                let known: Vec<_> = MATERIALS.iter().map(|named| named.name).collect();
                 format!(
                     "found the unknown material `{name}`; allowed: {}; or density_kg_m3, young_pa and poisson in its place",
                     known.join(", ")
@@ -128,6 +157,17 @@ impl WrittenMaterial {
 /// The material of a wall: a name, or a table of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WallMaterial(pub Material);
+
+impl JsonSchema for WallMaterial {
+    fn schema_name() -> Cow<'static, str> {
+        "WallMaterial".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let table = WrittenMaterial::json_schema(generator);
+        json_schema!({ "anyOf": [{ "enum": material_names() }, table] })
+    }
+}
 
 impl Serialize for WallMaterial {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -201,6 +241,17 @@ pub struct OddSphere {
     pub bead: u64,
     /// The sphere.
     pub sphere: Sphere,
+}
+
+/// The schema of a list of [`WrittenOddSphere`].
+pub(super) fn odd_schema(generator: &mut SchemaGenerator) -> Schema {
+    let mut sphere = WrittenSphere::json_schema(generator);
+    if let Some(keys) = sphere.get_mut("properties") {
+        keys["bead"] =
+            json!({ "type": "integer", "minimum": 0, "description": "Number of the bead, from 0." });
+    }
+    sphere.insert("required".to_owned(), json!(["bead"]));
+    json_schema!({ "type": "array", "items": sphere })
 }
 
 /// [`WrittenSphere`] with its bead: flattened, it would lose the places of its values.

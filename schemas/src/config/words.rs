@@ -182,7 +182,7 @@ mod tests {
             ),
             ("alpha", "alhpa", "bonds; did you mean `alpha`?"),
             ("bead_mass_kg", "bead_mass", "bonds; did you mean `bead_mass_kg`?"),
-            ("[stream]", "[steram]", "stream; did you mean `stream`?"),
+            ("[stream]", "[steram]", "provenance; did you mean `stream`?"),
             ("{ taper = 0.9 }", "{ tapper = 0.9 }", "{ list_kg = […] }; did you mean `taper`?"),
             ("[striker]", "[hitter]", "hitter: found the unknown key `hitter`; allowed: name, seed, chain"),
             (

@@ -3,23 +3,29 @@
 use super::{
     Chirp, Drive, Gaussian, HalfSine, Interpolation, Place, Quantity, Ramp, Side, Sine, Step, Table, Waveform,
 };
+use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 use std::path::PathBuf;
 
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WrittenDrive {
+    /// The wall that is moved, or `bead`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     wall: Option<Side>,
+    /// Number of the bead that is moved or pushed, from 0, or `wall`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     bead: Option<u64>,
+    /// The force (N) on the bead, or one of the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     force_n: Option<Waveform>,
+    /// The displacement (m), which must not jump, or one of the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     displacement_m: Option<Waveform>,
+    /// The velocity (m/s), or one of the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     velocity_m_s: Option<Waveform>,
 }

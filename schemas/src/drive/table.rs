@@ -1,9 +1,10 @@
 //! Values at times, with straight lines or cubic pieces between them.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Values at some times; before the first time the value is the first one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Times (s), increasing.
@@ -16,7 +17,7 @@ pub struct Table {
 }
 
 /// The interpolation between two times of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
     /// Straight lines.

@@ -3,16 +3,20 @@
 use super::{Interpolation, Table};
 use crate::amounts;
 use crate::functions::{Moment, TURN, angular, exp, sine_cosine};
+use crate::json_schema::{not_negative, positive};
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// A value at each time t from the beginning of the run, in the unit of what it prescribes.
 ///
 /// Keys left out of a configuration are 0, and 0 means none: no phase, no ramp.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(deny_unknown_fields, transform = or_number)]
 pub enum Waveform {
-    /// The same at all times; in a configuration a plain number says so, too.
+    /// The same at all times, as a plain number is.
     Constant(f64),
     /// A sine.
     Sine(Sine),
@@ -39,67 +43,84 @@ pub enum Waveform {
     },
 }
 
+/// Allows a plain number, too.
+fn or_number(schema: &mut Schema) {
+    if let Some(Value::Array(forms)) = schema.get_mut("anyOf") {
+        forms.insert(0, json!({ "type": "number", "description": "The same at all times." }));
+    }
+}
+
 /// `A·sin(2π·f·t + φ)` times an envelope: sin²(π·t/(2·ramp)) while t is below the ramp, the same mirrored before the end, 0 after it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sine {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
-    /// f (Hz).
+    /// The frequency f (Hz).
+    #[schemars(transform = positive)]
     pub frequency_hz: f64,
-    /// φ (rad).
+    /// The phase φ (rad).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub phase_rad: f64,
     /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub ramp_s: f64,
     /// Its end (s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = positive)]
     pub until_s: Option<f64>,
     /// Duration of its fall before the end (s).
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub ramp_down_s: f64,
 }
 
 /// `A·sin(2π·(f0·t + c·t²))`, `c = (f1 − f0)/2/duration`, with the envelope of [`Sine`], until `duration_s`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Chirp {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Frequency at time 0, f0 (Hz).
+    #[schemars(transform = not_negative)]
     pub from_hz: f64,
     /// Frequency at the end, f1 (Hz).
+    #[schemars(transform = not_negative)]
     pub to_hz: f64,
     /// The end (s).
+    #[schemars(transform = positive)]
     pub duration_s: f64,
     /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub ramp_s: f64,
     /// Duration of its fall before the end (s).
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub ramp_down_s: f64,
 }
 
 /// 0, then A; in between it grows as sin²(π·t/(2·rise)).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its beginning (s).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub at_s: f64,
     /// Duration of its growth (s).
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub rise_s: f64,
 }
 
 /// 0, then a straight line to A, then A.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ramp {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Beginning of the line (s).
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -109,12 +130,13 @@ pub struct Ramp {
 }
 
 /// `A·sin(π·(t − at)/duration)`, and 0 before and after it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfSine {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its duration (s).
+    #[schemars(transform = positive)]
     pub duration_s: f64,
     /// Its beginning (s).
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -122,17 +144,19 @@ pub struct HalfSine {
 }
 
 /// `A·exp(−z²/2)·cos(2π·f·(t − at))` with `z = (t − at)/width`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gaussian {
-    /// A.
+    /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its middle (s).
     pub at_s: f64,
     /// Its standard deviation (s).
+    #[schemars(transform = positive)]
     pub width_s: f64,
-    /// f (Hz) of the burst, 0 for a plain Gaussian.
+    /// The frequency f (Hz) of the burst, 0 for a plain Gaussian.
     #[serde(default, skip_serializing_if = "is_zero")]
+    #[schemars(transform = not_negative)]
     pub frequency_hz: f64,
 }
 

@@ -3,17 +3,22 @@
 use super::{File, refused};
 use crate::MapError;
 use crate::spectra::Spectrum;
+use schemars::JsonSchema;
 use schemas::config::ConfigError;
 use serde::Deserialize;
 use std::sync::atomic::AtomicBool;
 
 /// Runs from the seed, whose spectra are asked for.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(inline)]
 pub(super) struct Runs {
     /// Values of the key that is followed.
+    #[schemars(length(min = 1, max = 4))]
     at: Vec<f64>,
+    /// The bead whose velocity has the spectrum.
     bead: u64,
+    /// Duration of the runs (s).
     duration_s: f64,
 }
 

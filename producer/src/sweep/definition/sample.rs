@@ -26,7 +26,7 @@ enum Method {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "far below 2³²")]
-const MOST: u32 = MAX_POINTS as u32;
+pub(super) const MOST: u32 = MAX_POINTS as u32;
 
 /// Most points of a Latin hypercube: memory holds their orders.
 const MOST_ORDERED: u32 = 100_000;
@@ -34,7 +34,7 @@ const MOST_ORDERED: u32 = 100_000;
 const METHODS: [(&str, Method); 3] =
     [("latin-hypercube", Method::LatinHypercube), ("sobol", Method::Sobol), ("random", Method::Random)];
 
-const KNOWN: [&str; 4] = ["method", "count", "seed", "ranges"];
+pub(super) const KNOWN: [&str; 4] = ["method", "count", "seed", "ranges"];
 
 /// Values that are drawn together, each computed from the index of its sample. Without a table `[sample]` there is one
 /// sample, which sets nothing.

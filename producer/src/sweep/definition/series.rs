@@ -1,6 +1,7 @@
 //! Columns of analyses over time, which each row has beside its numbers.
 
 use super::{Located, Reader, SweepError};
+use schemars::JsonSchema;
 use schemas::config::line_at;
 use schemas::power::power;
 use serde::Deserialize;
@@ -26,21 +27,31 @@ pub struct Series {
     from_s: Option<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Written {
+#[schemars(inline)]
+pub(super) struct Written {
+    /// Columns of the rows of analyses, as `measure` of a sweep; `beadline analyses` lists them.
+    #[schemars(with = "Vec<String>", length(min = 1))]
     measure: Vec<Spanned<String>>,
+    /// Number of intervals of time [default: 50].
+    #[schemars(range(min = 1, max = MOST_NUMBERS / 2))]
     count: Option<u64>,
+    /// The lengths of the intervals: equal, or in equal ratios.
     #[serde(default)]
     spacing: Spacing,
+    /// The first end of the intervals (s) [default: 0, or the first frame after it].
+    #[schemars(range(min = 0))]
     from_s: Option<f64>,
 }
 
-#[derive(Deserialize, Default, PartialEq)]
+#[derive(Deserialize, Default, PartialEq, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-enum Spacing {
+pub(super) enum Spacing {
+    /// Equal differences.
     #[default]
     Linear,
+    /// Equal ratios.
     Log,
 }
 
