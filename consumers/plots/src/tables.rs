@@ -154,7 +154,7 @@ fn beside(slope: f64, curve: &TableCurve) -> Vec<(f64, f64)> {
         |of: fn(&TablePoint) -> f64| used().map(|point| of(point).ln()).sum::<f64>() / used().count() as f64;
     let (x, y) = (mean(|point| point.x), mean(|point| point.found.mean));
     let at = |point: &TablePoint| (point.x, (y + slope * (point.x.ln() - x)).exp());
-    used().next().into_iter().chain(used().last()).map(at).collect()
+    used().next().into_iter().chain(used().next_back()).map(at).collect()
 }
 
 /// The middle of values that a curve goes through.

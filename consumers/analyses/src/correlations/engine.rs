@@ -288,7 +288,9 @@ impl Found {
         }
         let speed = |places: &[(usize, f64)]| {
             let mut line = LineSums::default();
-            places.iter().for_each(|(lag, place)| line.add((self.lags_s[*lag], *place), 1.0));
+            for (lag, place) in places {
+                line.add((self.lags_s[*lag], *place), 1.0);
+            }
             line.line().map(|[slope, _]| slope)
         };
         let c = speed(&places)?;
