@@ -95,9 +95,10 @@ const LONG: [(&str, At, &[&str]); 50] = [
 ];
 
 /// Commands that take no time, or whose Ctrl-C is tested elsewhere.
-const OTHERS: [&str; 12] = [
+const OTHERS: [&str; 13] = [
     "analyses",
     "presets",
+    "schema",
     "preset",
     "completions",
     "man",

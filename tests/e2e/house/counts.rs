@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 22] = [
-    ("the command", 14_360),
+    ("the command", 14_370),
     ("schemas", 9_190),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
@@ -15,13 +15,13 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("schemas/recorder", 450),
     ("producer", 8_060),
     ("consumers", 6_080),
-    ("consumers/analyses", 4_440),
+    ("consumers/analyses", 4_450),
     ("consumers/experiments", 1_600),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
     ("consumers/orbits", 2_080),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_380),
+    ("consumers/plots", 1_390),
     ("consumers/screen", 700),
     ("consumers/waves", 1_480),
     ("page", 1_250),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 77_700;
+const MOST_LINES: usize = 77_720;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

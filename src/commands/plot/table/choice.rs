@@ -21,6 +21,9 @@ const ROUNDING: f64 = 1e-3;
 /// The key that makes the members of an ensemble: no axis, if there is another.
 const SEED: &str = "seed";
 
+/// The word for no column.
+const NONE: &str = "none";
+
 /// Contents of a drawing.
 #[derive(Debug)]
 pub(super) struct Choice {
@@ -47,13 +50,15 @@ pub(super) enum Drawn {
 
 impl Choice {
     pub(super) fn of(args: &PlotArgs, columns: &Columns) -> Result<Self, Failure> {
-        for (flag, name) in [("--x", &args.x), ("--by", &args.by), ("--heat", &args.heat)] {
-            name.as_ref().map(|name| columns.check(flag, name)).transpose()?;
+        // `none` is no column: all rows are of one curve
+        let asked_by = args.by.as_ref().filter(|by| *by != NONE);
+        for (flag, name) in [("--x", args.x.as_ref()), ("--by", asked_by), ("--heat", args.heat.as_ref())] {
+            name.map(|name| columns.check(flag, name)).transpose()?;
         }
         args.y.iter().try_for_each(|name| columns.check("--y", name).map(drop))?;
         let varying = varying(columns)?;
         // numbers that may be an axis, most values first
-        let asked = [args.by.as_ref(), args.heat.as_ref()];
+        let asked = [asked_by, args.heat.as_ref()];
         let is_free =
             |name: &str| !asked.contains(&Some(&name.to_owned())) && !args.y.iter().any(|y| y == name);
         let mut axes: Vec<(&str, usize)> = varying
@@ -78,9 +83,9 @@ impl Choice {
         let y = if args.y.is_empty() { vec![default_result(columns, &x)?] } else { args.y.clone() };
         let few =
             |(name, keys): &&(&str, Keys)| *name != x && *name != SEED && keys.known.len() <= MOST_CURVES;
-        let by = args.by.clone().or_else(|| {
+        let by = asked_by.cloned().or_else(|| {
             let first = varying.iter().filter(|(name, _)| !y.iter().any(|y| y == name)).find(few);
-            first.map(|(name, _)| (*name).to_owned())
+            first.map(|(name, _)| (*name).to_owned()).filter(|_| args.by.is_none())
         });
         let taken: Vec<&str> = std::iter::once(x.as_str()).chain(by.as_deref()).collect();
         let (averaged, scattered) = rest(columns, &taken, &varying)?;
