@@ -302,7 +302,9 @@ fn signal(thread: &str) {
 fn signals_in_the_middle_of_a_publish_lose_no_frame() {
     for pause in ["0", "1"] {
         let test = TestBus::new();
-        let settings = [("BL_WAIT", "1"), ("BL_FRAMES", "200"), ("BL_PAUSE", pause)];
+        // on a busy machine ten signals take longer than a stuck consumer is given by default
+        let patient = ("BL_STUCK_MS", "60000");
+        let settings = [("BL_WAIT", "1"), ("BL_FRAMES", "200"), ("BL_PAUSE", pause), patient];
         let mut child = Child::start(&test.bus, "produce", "rain", &settings);
         let mut source = attach(&test.bus, "rain", Delivery::Lossless);
         let thread = child.expect("thread");
