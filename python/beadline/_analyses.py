@@ -181,24 +181,27 @@ class Analyses:
     def spreading(
         self,
         *,
+        fit_from_s: float | None = None,
         from_s: float | None = None,
         until_s: float | None = None,
         every_step: bool = False,
         jobs: int | None = None,
     ) -> Table:
-        """Spreading of the energy: second moment, and the number of beads that share it.
+        """Spreading of the energy: second moment, the number of beads that share it, their exponents.
 
         Columns in each frame: ``energy_j`` (energy of all beads), ``centre_beads`` (centre of the energy),
         ``second_moment_beads2`` (second moment of the energy about its centre), ``participation_beads`` (beads that
         share the energy).
 
         Args:
+            fit_from_s: Begin of the exponents and of the mean energies; by default a tenth of the time of the last
+                frame.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.
             jobs: Threads that recompute them; by default one for each core.
         """
         part = {"from_s": from_s, "until_s": until_s, "every_step": every_step, "jobs": jobs}
-        return self._tables("spreading", **part)[0]
+        return self._tables("spreading", fit_from_s=fit_from_s, **part)[0]
 
     def deformation(
         self,
@@ -328,10 +331,11 @@ class Analyses:
 
         Columns in each frame: ``modal_energy_j`` (energy of all modes), ``entropy`` (spectral entropy),
         ``effective_modes`` (effective number of modes), ``distance`` (distance η from equipartition),
+        ``mean_distance`` (the same from mean energies, of which a time s has the weight s²),
         ``energy_modes_FIRST_LAST_j`` (energy of the modes of a band, with --bands).
 
         Args:
-            threshold_eta: The η that counts as equipartition; by default 0.5.
+            threshold_eta: The mean η that counts as equipartition; by default 0.5.
             bands: Bands of modes whose energies are columns: 1-4,5-8, or a number of equal ones.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.

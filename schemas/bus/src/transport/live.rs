@@ -74,7 +74,7 @@ impl LiveSource {
 
     /// Keeps the frame that was lent last in its place, beyond the next call of `receive`; none if no frame is lent.
     ///
-    /// A consumer may have [`BORROWED`](super::BORROWED) frames at a time, including the one that it receives. A consumer that
+    /// A consumer may have [`BORROWED`](crate::BORROWED) frames at a time, including the one that it receives. A consumer that
     /// holds so many can receive nothing.
     pub fn hold(&mut self) -> Option<HeldState> {
         let beads = usize::try_from(self.manifest.physics.beads).unwrap_or(usize::MAX);
