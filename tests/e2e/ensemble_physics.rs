@@ -32,9 +32,11 @@ fn example(name: &str, changes: &[(&str, &str)]) -> Place {
     place
 }
 
-/// True if two means agree to four of their standard errors together.
-fn agree([a, a_error]: [f64; 2], [b, b_error]: [f64; 2]) -> bool {
-    (a - b).abs() < 4.0 * a_error.hypot(b_error)
+/// The means of a column are the known ones, to four of their standard errors together.
+fn are_known(place: &Place, column: &str, known: [[f64; 2]; 2]) {
+    let found = means(place, "s/ensemble.csv", column);
+    let agrees = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() < 4.0 * a[1].hypot(b[1]);
+    assert!(found.len() == 2 && found.iter().zip(&known).all(agrees), "{column}: {found:?}, known {known:?}");
 }
 
 /// Times until a packet of low modes shares the energy, of other phases than those of docs/guide/examples.md.
@@ -48,8 +50,7 @@ fn packets_form_in_the_known_times() {
                  [[case]]\n\"initial.energy_per_bead_j\" = 0.004\n\"time.duration_s\" = 3e3\n";
     place.write("s.toml", &(base + cases));
     place.run("sweep s.toml --out s --yes").exits(0);
-    let found = means(&place, "s/ensemble.csv", "modal(threshold=0.5).equipartition_s");
-    assert!(found.iter().zip(TIMES).all(|(found, known)| agree(*found, known)), "{found:?}");
+    are_known(&place, "modal(threshold=0.5).equipartition_s", TIMES);
 }
 
 /// Conductivities of 32 and 64 masses, of other noise and a quarter of the time.
@@ -62,8 +63,7 @@ fn conductivities_of_short_chains_are_the_known_ones() {
         ("[32, 64, 128, 256, 512, 1024]", "[32, 64]"),
     ];
     let place = example("conductivity", &changes);
-    let found = means(&place, "s/ensemble.csv", "heat.conductivity_per_s");
-    assert!(found.iter().zip(CONDUCTIVITIES).all(|(found, known)| agree(*found, known)), "{found:?}");
+    are_known(&place, "heat.conductivity_per_s", CONDUCTIVITIES);
 }
 
 /// Exponents of the second moment in short chains, after a blow and after a displacement, of other masses.
@@ -77,6 +77,5 @@ fn energy_spreads_in_disorder_with_the_known_exponents() {
         ("publish_every_steps = 200", "publish_every_steps = 50"),
     ];
     let place = example("disorder", &changes);
-    let found = means(&place, "s/ensemble.csv", "spreading.moment_exponent");
-    assert!(found.iter().zip(SHORT_EXPONENTS).all(|(found, known)| agree(*found, known)), "{found:?}");
+    are_known(&place, "spreading.moment_exponent", SHORT_EXPONENTS);
 }

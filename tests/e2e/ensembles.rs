@@ -297,6 +297,11 @@ fn columns_over_time_that_cannot_be_are_refused() {
             "series.from_s: found 0.005; allowed: less than the duration, 0.004 s",
         ),
         ("from_s = 2e-4", "until_s = 5e-3", "unknown field `until_s`"),
+        (
+            "record = true",
+            "measure_from_s = 5e-3",
+            "measure_from_s: found 0.005; allowed: less than the duration, 0.004 s",
+        ),
         ("\"log\"", "\"equal\"", "unknown variant `equal`"),
     ] {
         let place = place(&SERIES.replace(replaced, with));

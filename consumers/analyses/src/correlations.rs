@@ -9,9 +9,10 @@ use consumers::analysis::{
 use consumers::blocks::FEWEST;
 use consumers::local_energy::bead_energies_j;
 use consumers::table::{Cell, Column};
+use consumers::uncertain::Uncertain;
 use engine::{Engine, FIELDS, Fields, Found, Plan};
 use figure::{Axis, Curve, Figure, FigureError, Panel};
-use schemas::amounts::{counted, number, quantity};
+use schemas::amounts::{counted, number, quantity, typed_quantity};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -253,7 +254,7 @@ impl Analysis for Correlations {
         let longest_s = found.lags_s.last().copied().unwrap_or_default();
         words.add("lags", format_args!("{} up to {}", found.lags_s.len() - 1, quantity(longest_s, "s")));
         match found.sound {
-            Some([c, error]) => words.add("sound", format_args!("{} ± {} beads/s", number(c), number(error))),
+            Some([c, error]) => words.add("sound", format_args!("{} beads/s", Uncertain::new(c, error))),
             None => words.add("sound", "no peak of the momentum moves away"),
         }
         if let Some(changes) = found.sum_changes {
@@ -289,13 +290,16 @@ impl Analysis for Correlations {
                 let places = || found.distances.beads().enumerate().map(|(place, j)| (j, of(place)));
                 let band =
                     places().map(|(x, [c, error])| (x, (c - 2.0 * error) / one, (c + 2.0 * error) / one));
-                let label =
-                    if field == 0 { format!("t = {} s", number(found.lags_s[*lag])) } else { String::new() };
+                let label = if field == 0 {
+                    format!("t = {}", typed_quantity(found.lags_s[*lag], "s"))
+                } else {
+                    String::new()
+                };
                 panel = panel.curve(Curve::line(label, places().map(|(x, [c, _])| (x, c / one))).band(band));
             }
             figure = figure.panel(if field == 0 { panel.note("bands: two standard errors") } else { panel });
         }
-        if let Some([c, _]) = found.sound {
+        if let Some([c, error]) = found.sound {
             let one = found.at(0, 1, origin)[0];
             let label = "(ct)^{2/3}·C/C(0, 0)";
             let mut panel = Panel::new()
@@ -308,7 +312,7 @@ impl Analysis for Correlations {
                     curve.iter().enumerate().map(|(j, mean)| ((j as f64 - path) / scale, mean / one * scale));
                 panel = panel.line("", points.filter(|(x, _)| x.abs() <= 4.0));
             }
-            figure = figure.panel(panel.note(format!("momentum, c = {} beads/s", number(c))));
+            figure = figure.panel(panel.note(format!("momentum, c = {} beads/s", Uncertain::new(c, error))));
         }
         Ok(Some(figure))
     }

@@ -388,7 +388,7 @@ impl Analysis for ModalAnalysis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use consumers::analysis::{RowValues, Settings};
+    use consumers::analysis::{LastRow, Settings};
     use producer::state::ChainState;
     use schemas::config::{End, MassRule};
     use schemas::manifest::Origin;
@@ -424,26 +424,6 @@ mod tests {
         }
     }
 
-    /// Keeps the numbers of the last row.
-    #[derive(Default)]
-    struct Kept(Vec<f64>);
-
-    impl Outlet for Kept {
-        fn wants(&self, _: usize) -> bool {
-            false
-        }
-
-        fn line(&mut self, _: usize, _: &[Cell]) {}
-
-        fn is_published(&self) -> bool {
-            true
-        }
-
-        fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
-            self.0 = row.numbers().to_vec();
-        }
-    }
-
     /// Walls, free ends, a ring, and unlike masses: the energies of all bands are that of all modes, to the rounding of a sum of 23.
     #[test]
     fn bands_share_all_of_the_energy() {
@@ -465,11 +445,12 @@ mod tests {
                 settings.set(setting, vec![bands.to_owned()]).expect("bands");
                 let beginning = Beginning::whole(OFFER.name, &manifest, &settings);
                 let mut analysis = ModalAnalysis::begin(&beginning).expect("modes");
-                let mut kept = Kept::default();
+                let mut kept = LastRow::default();
                 analysis.observe(&state.as_frame(&manifest, 0), &mut kept);
-                assert_eq!(kept.0.len(), analysis.names().len());
-                let sum: f64 = kept.0[OF_ALL..].iter().sum();
-                assert!((sum / kept.0[0] - 1.0).abs() < 1e-13, "{end:?}, {bands}: {:?}", kept.0);
+                let row = kept.values().expect("a row").numbers();
+                assert_eq!(row.len(), analysis.names().len());
+                let sum: f64 = row[OF_ALL..].iter().sum();
+                assert!((sum / row[0] - 1.0).abs() < 1e-13, "{end:?}, {bands}: {row:?}");
             }
         }
         let wrong = bands_of("2-24", 23).expect_err("no mode 24");

@@ -119,7 +119,8 @@ impl Spreading {
     fn new(beginning: &Beginning<'_>) -> Self {
         let manifest = beginning.manifest.clone();
         let curves = beginning.is_drawn.then(Series::default);
-        let a_tenth_s = 0.1 * manifest.physics.time_s(*beginning.steps.end());
+        let last_step = manifest.physics.step_count.min(*beginning.steps.end());
+        let a_tenth_s = 0.1 * manifest.physics.time_s(last_step);
         Self {
             chain: manifest.physics.chain(),
             last: None,

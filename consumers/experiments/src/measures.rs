@@ -16,6 +16,14 @@ use schemas::spelling::did_you_mean;
 /// The ends of names that are units, which may be left out.
 const UNITS: [&str; 10] = ["j", "n", "m", "s", "hz", "beads", "beads2", "m_s", "n_s", "beads_per_s"];
 
+/// The place of `key` among `known`, and true if it is new there.
+pub(crate) fn place_among<T: PartialEq>(known: &mut Vec<T>, key: T) -> (usize, bool) {
+    let at = known.iter().position(|known| *known == key).unwrap_or(known.len());
+    let is_new = at == known.len();
+    known.extend(is_new.then_some(key));
+    (at, is_new)
+}
+
 /// The numbers of an analysis that have a name whatever the settings.
 fn numbers_of(kind: MeasureOf, offer: &'static Offer) -> impl Iterator<Item = &'static Meaning> {
     let numbers = if kind == MeasureOf::Rows { offer.columns } else { offer.numbers() };
@@ -228,10 +236,8 @@ impl Measures {
         for (i, text) in asked.iter().enumerate() {
             let wrong = |why| (i, why);
             let measure = Measure::parse(MeasureOf::Summary, text).map_err(wrong)?;
-            let key = measure.key();
-            let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
-            if at == found.len() {
-                found.push(key);
+            let (at, is_new) = place_among(&mut found, measure.key());
+            if is_new {
                 measures.looking.push(
                     if standard.contains(&measure.offer.name) && measure.options.is_empty() {
                         Looking::Standard(measure.offer.name)

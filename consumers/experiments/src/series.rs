@@ -3,7 +3,7 @@
 //! The row of a point has their means in intervals of time behind its other cells: for each interval the mean time of its frames and the
 //! mean of each column. Tables have a line for each interval instead.
 
-use crate::measures::Measure;
+use crate::measures::{Measure, place_among};
 use consumers::analysis::{Analysis, LastRow};
 use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{MeasureOf, Sweep};
@@ -52,10 +52,8 @@ impl SeriesSums {
         for (i, text) in sweep.series().measure.iter().enumerate() {
             let wrong = |why| (i, why);
             let measure = Measure::parse(MeasureOf::Rows, text).map_err(wrong)?;
-            let key = measure.key();
-            let at = found.iter().position(|known| *known == key).unwrap_or(found.len());
-            if at == found.len() {
-                found.push(key);
+            let (at, is_new) = place_among(&mut found, measure.key());
+            if is_new {
                 series.looking.push(measure.begin(manifest, false).map_err(wrong)?);
             }
             let names = measure.offer.published(&*series.looking[at]).map(|published| published.names);

@@ -8,6 +8,7 @@ pub use labels::column_label;
 
 use consumers::power_law::PowerLaw;
 use consumers::statistics::Statistics;
+use consumers::uncertain::Uncertain;
 use figure::{Axis, Colour, Curve, Figure, Mark, Panel, Stroke};
 
 /// Contents of a band around a curve, which also decide the curve's middle.
@@ -51,12 +52,7 @@ impl TableFit {
 
     /// The exponent with its error: `−2.01 ± 0.05`.
     pub fn words(&self) -> String {
-        let PowerLaw { exponent, exponent_error, .. } = self.law;
-        // two digits of the error
-        let digits = (1.0 - exponent_error.log10().floor()).clamp(0.0, 9.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 9")]
-        let digits = digits as usize;
-        format!("{exponent:.digits$} ± {exponent_error:.digits$}").replace('-', "−")
+        Uncertain::new(self.law.exponent, self.law.exponent_error).to_string().replace('-', "−")
     }
 }
 

@@ -4,11 +4,10 @@ use super::recordings::{Frames, manifest};
 use super::{Bench, Floor, Rounds, Row, timed};
 use crate::report::Report;
 use anyhow::{Context as _, Error};
-use consumers::analysis::{Beginning, Outlet, RowValues, Settings};
+use consumers::analysis::{Beginning, LastRow, Settings};
 use consumers::contacts::{Contacts, default_tolerance_m};
 use consumers::energies::{Energies, default_split_bead};
 use consumers::impurity::Followed;
-use consumers::table::Cell;
 use producer::state::ChainState;
 use schemas::config::End;
 use schemas::frame::Frame;
@@ -46,25 +45,6 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
 /// Frames of a measurement of [`modal`].
 const FRAMES: u32 = 2000;
 
-/// Takes what an analysis finds, and keeps nothing.
-struct Nowhere;
-
-impl Outlet for Nowhere {
-    fn wants(&self, _: usize) -> bool {
-        false
-    }
-
-    fn line(&mut self, _: usize, _: &[Cell]) {}
-
-    fn is_published(&self) -> bool {
-        true
-    }
-
-    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
-        black_box(row);
-    }
-}
-
 /// The energies of all modes of equal beads, and their entropy, against the time that they may take.
 fn modal(rounds: u32, report: &mut Report) -> Result<(), Error> {
     let offer = analyses::named("modal").context("an analysis of this name")?;
@@ -86,7 +66,8 @@ fn modal(rounds: u32, report: &mut Report) -> Result<(), Error> {
         let frame = state.as_frame(&manifest, 0);
         let observe = || {
             timed(|| {
-                (0..FRAMES).for_each(|_| analysis.observe(&frame, &mut Nowhere));
+                let mut last = LastRow::default();
+                (0..FRAMES).for_each(|_| analysis.observe(&frame, &mut last));
                 Ok(())
             })
         };

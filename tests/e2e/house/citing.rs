@@ -1,4 +1,4 @@
-//! What others need to cite the program says the same as the program.
+//! Files for those who cite the program, which say the same as the program.
 
 use super::source::{read, root};
 
