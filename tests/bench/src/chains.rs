@@ -89,7 +89,11 @@ const BATHS: &str = "\
 /// Forces on beads beside their contacts, as a configuration has them.
 const MORE: [(&str, &str, Floor); 6] = [
     ("a bath at either end, N = 200", BATHS, Floor::AtMost(1.1)),
-    ("all beads in a bath, N = 200", "[[bath]]\ntemperature_j = 1e-6\nfriction_per_s = 1e4\n", Floor::Any),
+    (
+        "all beads in a bath, N = 200",
+        "[[bath]]\ntemperature_j = 1e-6\nfriction_per_s = 1e4\n",
+        Floor::AtMost(16.0),
+    ),
     (
         "a force on a bead, N = 200",
         "[[drive]]\nbead = 99\nforce_n = { sine = { amplitude = 1.0, frequency_hz = 1e4 } }\n",
