@@ -9,7 +9,7 @@ use crate::aligned::Padded;
 use crate::baths::Baths;
 use crate::kernel::{Kernel, TILE};
 use crate::state::ChainState;
-use crate::tangents::{NoTangent, Tangents};
+use crate::tangents::{Neighbours, NoDerivative, NoTangent, Tangents};
 use gear::{Gear, taylor_terms};
 pub use lanes::Lanes;
 pub(crate) use lanes::Shape;
@@ -80,6 +80,23 @@ impl Integrator {
     /// When no dynamics of this program computes the run any more, as for [`new`](Self::new).
     pub fn with_tangents(physics: &Physics, count: usize) -> Result<Self, NoTangent> {
         Self::carrying(physics, count, Arch::new())
+    }
+
+    /// The integrator of a run that carries its derivatives by some numbers of its configuration with the states, one for each of `neighbours`.
+    ///
+    /// They are found to some 1e-10 of their size where the numbers differ by 1e-5 of theirs; where contacts open that are pressed at
+    /// rest, to some 1e-7.
+    ///
+    /// # Errors
+    /// When a number changes more than forces, masses and the beginning, or the method has no derivatives.
+    ///
+    /// # Panics
+    /// As for [`new`](Self::new).
+    pub fn with_derivatives(physics: &Physics, neighbours: &[Neighbours<'_>]) -> Result<Self, NoDerivative> {
+        neighbours.iter().try_for_each(|pair| pair.check(physics))?;
+        let mut integrator = Self::with_tangents(physics, neighbours.len())?;
+        integrator.tangents().into_iter().for_each(|tangents| tangents.follow(neighbours));
+        Ok(integrator)
     }
 
     /// Like [`with_tangents`](Self::with_tangents), with a given instruction set.

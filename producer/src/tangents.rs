@@ -8,12 +8,15 @@
 //! Tangents lie beside each other in the lanes of registers, eight in a block. Their bits are the same at any width, and depend neither on
 //! how many there are nor on where anyone looks.
 
+mod beside;
 mod runge;
 mod single;
 pub(crate) mod slopes;
 
-use crate::drives::{Acts, Drives};
+use crate::drives::{Acts, Drives, Now};
 use crate::kernel::Motion;
+use beside::{Beside, Sources};
+pub use beside::{Neighbours, NoDerivative};
 use pulp::{Arch, Simd, WithSimd};
 use runge::Stages;
 use schemas::chain::Chain;
@@ -44,6 +47,9 @@ pub struct Tangents {
     left: usize,
     /// Those of a step of the Runge–Kutta method, for its runs.
     stages: Option<Box<Stages>>,
+    /// Chains beside that of the run, for tangents that are derivatives by numbers of its configuration.
+    beside: Vec<Beside>,
+    sources: Sources,
 }
 
 /// Numbers of beads or resonators, for eight tangents.
@@ -93,6 +99,7 @@ impl Tangents {
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
         let stages_left = vec![Stage::default(); TOGETHER];
         let (blocks, single, kick_left_s, left, stages) = (Vec::new(), None, 0.0, 0, None);
+        let (beside, sources) = (Vec::new(), Vec::new());
         let mut none = Self {
             arch,
             count: 0,
@@ -105,6 +112,8 @@ impl Tangents {
             left,
             stages,
             single,
+            beside,
+            sources,
         };
         none.resize(count);
         none
@@ -119,12 +128,31 @@ impl Tangents {
         these
     }
 
+    /// Makes them the derivatives by the numbers in which `neighbours` differ from the run.
+    pub(crate) fn follow(&mut self, neighbours: &[Neighbours<'_>]) {
+        self.beside = neighbours.iter().map(|pair| Beside::of(pair, self.arch)).collect();
+        self.resize(neighbours.len());
+        for (number, pair) in neighbours.iter().enumerate() {
+            self.set(number, &pair.first());
+        }
+    }
+
+    /// Finds the parts of the accelerations that are not by the tangents, at `stage` of a Runge–Kutta method, at
+    /// displacements and velocities of beads and the displacements of resonators `rows`, while drives act as `now`.
+    pub(crate) fn look_beside(&mut self, stage: usize, rows: [&[f64]; 3], now: &[Now]) {
+        if !self.beside.is_empty() {
+            let inverse = [&self.masses.inverse_mass[..], &self.masses.inverse_resonator];
+            let sources = self.stages.as_mut().map_or(&mut self.sources, |stages| stages.sources(stage));
+            beside::find(&mut self.beside, rows, now, inverse, sources);
+        }
+    }
+
     /// Makes them so many; new ones are zero.
     pub fn resize(&mut self, count: usize) {
         let [beads, resonators] = [&self.masses.inverse_mass, &self.masses.inverse_resonator]
             .map(|numbers| vec![NONE; numbers.len()]);
         let kept: Vec<_> = (0..count.min(self.count)).map(|number| self.tangent(number)).collect(); // integers
-        let is_single = count == 1 && self.stages.is_none();
+        let is_single = count == 1 && self.stages.is_none() && self.beside.is_empty();
         self.single = is_single.then(|| Single::zero(beads.len(), resonators.len()));
         let block = Block([beads.clone(), beads, resonators.clone(), resonators]);
         self.blocks = vec![block; if is_single { 0 } else { count.div_ceil(LANES) }];
@@ -276,8 +304,8 @@ impl Tangents {
     /// Makes a step of `dt_s` through the stages that were looked at.
     pub(crate) fn step(&mut self, dt_s: f64) {
         let Some(stages) = &mut self.stages else { return };
-        for block in &mut self.blocks {
-            stages.carry(self.arch, block, &self.masses, self.is_ring, dt_s);
+        for (number, block) in self.blocks.iter_mut().enumerate() {
+            stages.carry(self.arch, (number, block), &self.masses, self.is_ring, dt_s);
         }
     }
 
@@ -294,6 +322,7 @@ impl Tangents {
         (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
         stage.contacts.clone_from(contacts);
         stage.springs.clone_from(springs);
+        stage.sources.clone_from(&self.sources);
         self.left += 1;
         if self.left == TOGETHER {
             self.make_stages_left();
@@ -346,8 +375,9 @@ impl Tangents {
         if let Some(single) = &mut self.single {
             single.make(self.arch, stages, &self.masses, self.is_ring);
         }
-        for block in &mut self.blocks {
-            in_vectors(self.arch, Together { block, stages, masses: &self.masses, is_ring: self.is_ring });
+        for (number, block) in self.blocks.iter_mut().enumerate() {
+            let (masses, is_ring) = (&self.masses, self.is_ring);
+            in_vectors(self.arch, Together { block, number, stages, masses, is_ring });
         }
     }
 }
@@ -369,11 +399,13 @@ struct Stage {
     is_twice: bool,
     contacts: Vec<f64>,
     springs: Vec<f64>,
+    sources: Sources,
 }
 
-/// Some stages of a block.
+/// Some stages of a block, and its number.
 struct Together<'a> {
     block: &'a mut Block,
+    number: usize,
     stages: &'a [Stage],
     masses: &'a Masses,
     is_ring: bool,
@@ -405,6 +437,12 @@ impl Together<'_> {
         let (is_twice, kick_s) = (stage.is_twice, stage.kick_s);
         let get = |group: &Group<LANES>| load::<S>(&group.0, at);
         let splat = |x: f64| simd.splat_f64s(x);
+        let sources = stage.sources.get(self.number);
+        let [of_beads, of_resonators] = sources.map_or([&[][..]; 2], |rows| [&rows[0][..], &rows[1][..]]);
+        let with = |change: S::f64s, sources: &[Group<LANES>], i: usize| match sources.get(i) {
+            Some(source) => simd.add_f64s(change, simd.mul_f64s(splat(kick_s), get(source))),
+            None => change,
+        };
         let (none, drift) = (splat(0.0), splat(stage.drift_s));
         let kicked = |velocity: S::f64s, change: S::f64s| {
             let velocity = simd.add_f64s(velocity, change);
@@ -424,11 +462,12 @@ impl Together<'_> {
                 let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
                 net = simd.add_f64s(net, pull);
                 let change = simd.mul_f64s(splat(kick_s * inverse_resonator[i]), simd.sub_f64s(none, pull));
-                let velocity = kicked(get(&w_v[i]), change);
+                let velocity = kicked(get(&w_v[i]), with(change, of_resonators, i));
                 store::<S>(velocity, &mut w_v[i].0, at);
                 store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
             }
-            let velocity = kicked(get(&v[i]), simd.mul_f64s(splat(kick_s * inverse_mass[i]), net));
+            let change = simd.mul_f64s(splat(kick_s * inverse_mass[i]), net);
+            let velocity = kicked(get(&v[i]), with(change, of_beads, i));
             store::<S>(velocity, &mut v[i].0, at);
             store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
             (left, here) = (right, next);

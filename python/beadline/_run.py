@@ -29,11 +29,16 @@ if TYPE_CHECKING:
     from ._recording import Recording, State
 
     Initial = State | tuple[Values, Values] | Mapping[str, Any]
+    # runs beside a run, with a smaller and a larger number, and how far these are apart
+    _Pair = tuple[_native.Manifest, _native.Manifest, float]
 
 OnFrame = Callable[["State"], object]
 
 # runs that take longer than this are told of, and refused (s)
 _TOLD_S, _ABSURD_S = 60.0, 365 * 86400.0
+
+# part by which numbers of runs differ between which derivatives are found
+_PART = 1e-5
 
 
 class Run:
@@ -336,6 +341,40 @@ class Run:
         found = self.start(w0).step(self.steps).tangents
         return found if np.ndim(w0) == 2 else found[0]
 
+    def derivative(self, *keys: str) -> Doubles:
+        """The derivative of the last state by a number of the configuration, at the same steps: of all displacements, then of all
+        velocities (and of those of resonators), for each unit of the number. By several keys: a row for each.
+
+        ``run.derivative("chain.impurities[0].mass_kg")`` is carried with the run, as :meth:`tangent` is: also where the run is chaotic it
+        has some 9 digits, which differences of two runs lose. Keys are those of :meth:`replace`.
+
+        Raises:
+            ValueError: If a key is no number other than 0, or changes the time step, the drives or baths; or the method has no derivatives.
+            RunError: If the values are no longer finite.
+        """
+        beside = []
+        for key in keys:
+            value = self._number(key)
+            step = _PART * abs(value)
+            below, above = (self.replace({"time.dt_s": self.dt_s, key: value + change}) for change in (-step, step))
+            beside.append((below._manifest, above._manifest, 2.0 * step))
+        if not beside:
+            raise ValueError("derivative: found no key; expected one or more, such as chain.stiffness")
+        found = Simulation(self._manifest, beside=beside).step(self.steps).tangents
+        return found[0] if len(keys) == 1 else found
+
+    def _number(self, key: str) -> float:
+        """The number that a key of the configuration has."""
+        value: Any = tomllib.loads(self._toml)
+        try:
+            for part in parts_of(key):
+                value = value[part]
+        except (IndexError, KeyError, TypeError) as error:
+            raise ValueError(f"{key}: the configuration has no such key; give it a value with run.replace") from error
+        if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
+            raise ValueError(f"{key}: found {value!r}; expected a number other than 0")
+        return float(value)
+
     def _begun(self, every: int) -> _native.Manifest:
         return self._manifest.begun(every)
 
@@ -398,10 +437,12 @@ class Simulation:
     Its arrays are read-only and go on with the run; take a ``.copy()`` of an array that is to stay, or a :meth:`state`.
     """
 
-    def __init__(self, manifest: _native.Manifest, tangents: npt.ArrayLike | None = None) -> None:
+    def __init__(
+        self, manifest: _native.Manifest, tangents: npt.ArrayLike | None = None, beside: Sequence[_Pair] = ()
+    ) -> None:
         self._manifest = manifest
         carried = None if tangents is None else np.atleast_2d(np.asarray(tangents, dtype=np.float64)).tolist()
-        self._native = _native.Simulation(manifest, carried)
+        self._native = _native.Simulation(manifest, carried, list(beside))
 
     def step(self, steps: int = 1) -> Simulation:
         """Makes steps, at most up to the end of the run.

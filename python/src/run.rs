@@ -10,6 +10,7 @@ use numpy::{PyArray1, PyArrayMethods as _};
 use producer::integrator::Integrator;
 use producer::run::{Conductor, RunError, RunOutcome};
 use producer::state::ChainState;
+use producer::tangents::Neighbours;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -249,15 +250,30 @@ pub(crate) struct Simulation {
 
 #[pymethods]
 impl Simulation {
-    /// Makes one that carries `tangents` with it, each of as many numbers as a change of the state has.
+    /// Makes one that carries `tangents` with it, each of as many numbers as a change of the state has; or its derivatives by numbers of
+    /// its configuration: each of `beside` has the runs with a smaller one and a larger one, and how far these are apart.
     #[new]
-    #[pyo3(signature = (manifest, tangents=None))]
-    fn new(manifest: &Manifest, tangents: Option<Vec<Vec<f64>>>) -> PyResult<Self> {
+    #[pyo3(signature = (manifest, tangents=None, beside=Vec::new()))]
+    fn new(
+        manifest: &Manifest,
+        tangents: Option<Vec<Vec<f64>>>,
+        beside: Vec<(PyRef<'_, Manifest>, PyRef<'_, Manifest>, f64)>,
+    ) -> PyResult<Self> {
         let physics = &manifest.run.physics;
+        let neighbours: Vec<_> = beside
+            .iter()
+            .map(|(below, above, apart)| Neighbours {
+                below: &below.run.physics,
+                above: &above.run.physics,
+                apart: *apart,
+            })
+            .collect();
         let integrator = match tangents {
-            None => Integrator::new(physics),
-            Some(tangents) => carrying(physics, &tangents).map_err(PyValueError::new_err)?,
+            None if neighbours.is_empty() => Ok(Integrator::new(physics)),
+            None => Integrator::with_derivatives(physics, &neighbours).map_err(|error| error.to_string()),
+            Some(tangents) => carrying(physics, &tangents),
         };
+        let integrator = integrator.map_err(PyValueError::new_err)?;
         let (state, manifest) = (ChainState::initial(physics), Arc::clone(&manifest.run));
         Ok(Self { integrator, state, manifest, lent: [None, None] })
     }

@@ -252,3 +252,22 @@ def test_tangents_are_the_change_of_the_last_state() -> None:
         run.tangent(np.zeros(3))
     with pytest.raises(ValueError, match="carries no tangents"):
         _ = run.start().tangents
+
+
+def test_derivatives_are_those_of_a_scaling_law() -> None:
+    values = {"chain.beads": 20, "chain.impurities[0].bead": 5, "time.duration_s": 1e-3}
+    run = bl.preset("light-impurity").replace(values)
+    u = run.start().step(run.steps).state().displacement_m
+    # stiffer and heavier by the same part is the same motion
+    together = np.zeros(2 * u.size)
+    for key in ("chain.stiffness", "chain.bead_mass_kg", "chain.impurities[0].mass_kg"):
+        together += run._number(key) * run.derivative(key)
+    assert np.abs(together[: u.size]).max() < 1e-6 * np.abs(u).max()
+    rows = run.derivative("chain.stiffness", "chain.alpha")
+    assert rows.shape == (2, 2 * u.size)
+    with pytest.raises(ValueError, match="no such key"):
+        run.derivative("chain.colour")
+    with pytest.raises(ValueError, match="expected a number other than 0"):
+        run.derivative("integrator.method")
+    with pytest.raises(ValueError, match="found no key"):
+        run.derivative()

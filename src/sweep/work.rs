@@ -82,13 +82,13 @@ pub(super) fn work(
         if guess.cost > MOST_TOGETHER { 1 } else { Lanes::most().min(points.div_ceil(threads)).max(1) };
     let at: Vec<At> = (0..threads * most).map(|_| At::default()).collect();
     let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
-    let compute = |worker: usize, batch: &[u64]| -> Result<Vec<(u64, Computed)>, Failure> {
+    let compute = |worker: usize, batch: &[u64], computed: &mut Vec<(u64, Computed)>| {
         let asked = batch.iter().zip(&at[worker * most..]).map(|(index, at)| Asked {
             index: *index,
             recording: options.record.then(|| directory.recording(*index)),
             signals: Signals { stop, at },
         });
-        let (asked, mut computed) = (asked.collect::<Vec<_>>(), Vec::new());
+        let asked = asked.collect::<Vec<_>>();
         row::compute::<Failure>(sweep, &asked, &origin(), |place, cells, wall_s| {
             let (index, at) = (batch[place], asked[place].signals.at);
             let (step, steps) = (at.step.swap(0, Ordering::Relaxed), at.steps.load(Ordering::Relaxed));
@@ -96,8 +96,7 @@ pub(super) fn work(
             let cost = |steps: u64| steps.saturating_mul(at.beads.load(Ordering::Relaxed));
             computed.push((index, Computed { expected: cost(steps), steps: cost(step), failed }));
             Ok(journal.append(&Entry { index, wall_s, cells })?)
-        })?;
-        Ok(computed)
+        })
     };
     let mut progress = Overview::new(sweep, guess, &at);
     let mut tally = Tally::default();

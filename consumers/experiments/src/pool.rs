@@ -34,34 +34,44 @@ pub struct NoThread(#[source] io::Error);
 ///
 /// # Errors
 /// When there is no thread, or when a job fails: then `stop` is set, and the first failure is returned.
-pub fn share<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
+pub fn share<J: Copy + PartialEq + Send, T: Send, E: From<NoThread> + Send>(
     jobs: impl Iterator<Item = J> + Send,
     threads: usize,
     stop: &AtomicBool,
     work: impl Fn(usize, J) -> Result<Option<T>, E> + Sync,
     hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
-    let work = |worker: usize, jobs: &[J]| {
-        work(worker, jobs[0]).map(|done| done.into_iter().map(|done| (jobs[0], done)).collect())
+    let work = |worker: usize, jobs: &[J], done: &mut Vec<(J, T)>| {
+        done.extend(work(worker, jobs[0])?.map(|result| (jobs[0], result)));
+        Ok(())
     };
     share_batches(jobs, (threads, 1), stop, work, hear)
 }
 
-/// Like [`share`], with up to `most` jobs at a time for each of the `threads`: `work` gives those that are done.
+/// Like [`share`], with up to `most` jobs at a time for each of the `threads`: `work` adds those that are done to a list. After a panic those
+/// that were done stay so, and the others are tried one by one.
 ///
 /// # Errors
 /// As [`share`].
-pub fn share_batches<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
+pub fn share_batches<J: Copy + PartialEq + Send, T: Send, E: From<NoThread> + Send>(
     jobs: impl Iterator<Item = J> + Send,
     (threads, most): (usize, usize),
     stop: &AtomicBool,
-    work: impl Fn(usize, &[J]) -> Result<Vec<(J, T)>, E> + Sync,
+    work: impl Fn(usize, &[J], &mut Vec<(J, T)>) -> Result<(), E> + Sync,
     mut hear: impl FnMut(Told<J, T>),
 ) -> Result<(), E> {
     let jobs = Mutex::new(jobs);
     let take = |worker: usize, tell: &Sender<Result<Told<J, T>, E>>| {
         // a bug in one job is no reason to lose the others
-        let attempt = |batch: &[J]| catch_unwind(AssertUnwindSafe(|| work(worker, batch)));
+        let attempt = |batch: &[J]| {
+            let mut done = Vec::new();
+            let ended = catch_unwind(AssertUnwindSafe(|| work(worker, batch, &mut done)));
+            let is_broken = ended.is_err();
+            let mut news: Vec<_> =
+                done.into_iter().map(|(job, result)| Ok(Told::Done(job, result))).collect();
+            news.extend(ended.ok().and_then(Result::err).map(Err));
+            (news, is_broken)
+        };
         while !stop.load(Ordering::Relaxed) {
             let mut jobs = jobs.lock().unwrap_or_else(PoisonError::into_inner);
             let batch: Vec<J> = jobs.by_ref().take(most).collect();
@@ -69,19 +79,21 @@ pub fn share_batches<J: Copy + Send, T: Send, E: From<NoThread> + Send>(
             if batch.is_empty() {
                 return;
             }
-            let attempts = match attempt(&batch) {
-                Err(_) if batch.len() > 1 => batch.chunks(1).map(|job| (job, attempt(job))).collect(),
-                ended => vec![(&batch[..], ended)],
-            };
-            for (jobs, ended) in attempts {
-                let news: Vec<_> = match ended {
-                    Ok(Ok(all)) => all.into_iter().map(|(job, done)| Ok(Told::Done(job, done))).collect(),
-                    Ok(Err(error)) => vec![Err(error)],
-                    Err(_) => vec![Ok(Told::Broken(jobs[0]))],
-                };
-                if news.into_iter().any(|news| tell.send(news).is_err()) {
-                    return;
+            let (mut news, is_broken) = attempt(&batch);
+            if is_broken && batch.len() > 1 {
+                let is_done =
+                    |job: &J| news.iter().any(|told| matches!(told, Ok(Told::Done(done, _)) if done == job));
+                let left: Vec<J> = batch.into_iter().filter(|job| !is_done(job)).collect();
+                for job in left {
+                    let (told, is_broken) = attempt(&[job]);
+                    news.extend(told);
+                    news.extend(is_broken.then_some(Ok(Told::Broken(job))));
                 }
+            } else if is_broken {
+                news.push(Ok(Told::Broken(batch[0])));
+            }
+            if news.into_iter().any(|news| tell.send(news).is_err()) {
+                return;
             }
         }
     };
@@ -144,6 +156,27 @@ mod tests {
         });
         assert!(whole && heard.len() == 10);
         assert_eq!(heard[2..5], ["2: 4", "3: broken", "4: 16"]);
+    }
+
+    #[test]
+    fn jobs_done_before_a_panic_among_them_are_not_done_again() {
+        let (mut heard, begun) = (Vec::new(), Mutex::new(Vec::new()));
+        let work = |_: usize, jobs: &[usize], done: &mut Vec<(usize, usize)>| {
+            for job in jobs {
+                begun.lock().expect("no panic while it is held").push(*job);
+                assert!(*job != 2, "a bug");
+                done.push((*job, job * job));
+            }
+            Ok::<_, NoThread>(())
+        };
+        let told = |told: Told<usize, usize>| match told {
+            Told::Done(job, _) => heard.push((job, true)),
+            Told::Broken(job) => heard.push((job, false)),
+            Told::Fewer(..) | Told::Nothing => {}
+        };
+        assert!(share_batches(0..6, (1, 4), &AtomicBool::new(false), work, told).is_ok());
+        assert_eq!(heard, [(0, true), (1, true), (2, false), (3, true), (4, true), (5, true)]);
+        assert_eq!(begun.into_inner().expect("no panic while it is held"), [0, 1, 2, 2, 3, 4, 5]);
     }
 
     #[test]

@@ -244,6 +244,8 @@ impl Runge {
         self.kernel.evaluate_moving(beads, &mut motion, &mut self.power_w);
         if let Some(tangents) = &mut self.tangents {
             tangents.look_at(stage, &motion);
+            let [u_m, v_m_s, w_m, ..] = self.at.arrays.each_ref().map(|array| &array[..]);
+            tangents.look_beside(stage, [u_m, v_m_s, w_m], &self.now);
         }
         let [u_m, v_m_s, w_m, w_m_s, _] = &self.at.arrays;
         let slopes = &mut self.slopes[stage];
@@ -251,16 +253,8 @@ impl Runge {
         du[beads.clone()].copy_from_slice(&v_m_s[beads.clone()]);
         let sites = self.kernel.sites();
         let inverse_mass = self.kernel.inverse_mass();
-        let (left, right) = self.kernel.forces_beside(beads);
         // net forces first
-        for (at, i) in beads.clone().enumerate() {
-            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
-            let mut net_n = sites.net_n(i, left[at] - right[at], u_m[i], w);
-            if sites.has_drag() {
-                net_n -= sites.drag_n_s_per_m[i] * v_m_s[i];
-            }
-            dv[i] = net_n;
-        }
+        self.kernel.net_forces(beads, [u_m, v_m_s, w_m], dv);
         if let Some(drives) = &self.drives {
             for (d, now) in self.now.iter().enumerate() {
                 slopes.works_j[d] = match drives.acts(d) {

@@ -1,3 +1,4 @@
+mod derivatives;
 mod naive;
 mod tangents;
 

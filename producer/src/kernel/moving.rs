@@ -92,6 +92,20 @@ impl Kernel {
         self.damped = Some(damped);
     }
 
+    /// Writes the net force (N) on each of `beads` into `net_n` (N values): of its contacts, evaluated last, of springs, resonators and drag,
+    /// at the displacements (m) and velocities (m/s) of beads and the displacements of resonators `rows`.
+    pub(crate) fn net_forces(&self, beads: &Range<usize>, [u_m, v_m_s, w_m]: [&[f64]; 3], net_n: &mut [f64]) {
+        let sites = &self.sites;
+        let (left, right) = self.forces_beside(beads);
+        for (at, i) in beads.clone().enumerate() {
+            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
+            net_n[i] = sites.net_n(i, left[at] - right[at], u_m[i], w);
+            if sites.has_drag() {
+                net_n[i] -= sites.drag_n_s_per_m[i] * v_m_s[i];
+            }
+        }
+    }
+
     /// Evaluates the elastic forces of the contacts of `beads`, those at rest included, and δ^q where it is needed.
     fn elastic(&self, damped: &mut Damped, beads: &Range<usize>, motion: &mut Motion<'_>) {
         let has_factor = !matches!(damped.contacts.kind.factor(), Factor::One);

@@ -3,6 +3,7 @@
 //! A stage finds the derivative of the motion where the state is: slopes of the contacts' forces by overlap and by its rate, springs, drag. When all
 //! stages of a step are known, each block of tangents is carried through them, while it is in the cache.
 
+use super::beside::Sources;
 use super::{Block, Masses, NONE};
 use crate::kernel::Motion;
 use crate::tangents::slopes::Slopes;
@@ -16,6 +17,8 @@ pub(super) struct Stages {
     /// Weights of the earlier derivatives at each stage but the first, and at the end of a step.
     weights: Vec<Vec<f64>>,
     slopes: Vec<Slopes>,
+    /// Parts of the accelerations that are not by the tangents.
+    sources: Vec<Sources>,
     /// γ (N·s/m) of each bead, or none.
     drag_n_s_per_m: Vec<f64>,
     /// Changes at a stage, and their derivatives by time at all stages, of the block that is carried.
@@ -34,6 +37,7 @@ impl Stages {
         Self {
             weights: weights.iter().map(|row| row.to_vec()).collect(),
             slopes: vec![slopes.clone(); N],
+            sources: vec![Sources::new(); N],
             drag_n_s_per_m: chain.sites.drag_n_s_per_m.clone(),
             at: block.clone(),
             derivatives: vec![block; N],
@@ -58,9 +62,21 @@ impl Stages {
         self.has_jumped |= jumps;
     }
 
-    /// Carries `block` through a step of `dt_s`.
-    pub(super) fn carry(&mut self, arch: Arch, block: &mut Block, masses: &Masses, is_ring: bool, dt_s: f64) {
-        in_vectors(arch, Step { stages: self, block, masses, is_ring, dt_s });
+    /// The parts of the accelerations at `stage` that are not by the tangents.
+    pub(super) fn sources(&mut self, stage: usize) -> &mut Sources {
+        &mut self.sources[stage]
+    }
+
+    /// Carries `block`, that of this `number`, through a step of `dt_s`.
+    pub(super) fn carry(
+        &mut self,
+        arch: Arch,
+        (number, block): (usize, &mut Block),
+        masses: &Masses,
+        is_ring: bool,
+        dt_s: f64,
+    ) {
+        in_vectors(arch, Step { stages: self, block, number, masses, is_ring, dt_s });
     }
 }
 
@@ -68,6 +84,7 @@ impl Stages {
 struct Step<'a> {
     stages: &'a mut Stages,
     block: &'a mut Block,
+    number: usize,
     masses: &'a Masses,
     is_ring: bool,
     dt_s: f64,
@@ -114,7 +131,12 @@ impl Step<'_> {
     /// Finds the derivatives of the changes at `stage` by time.
     #[inline(always)]
     fn differentiate<S: Simd>(&mut self, simd: S, at: usize, stage: usize) {
-        let Stages { slopes, drag_n_s_per_m, at: changes, derivatives, .. } = &mut *self.stages;
+        let Stages { slopes, sources, drag_n_s_per_m, at: changes, derivatives, .. } = &mut *self.stages;
+        let sources = sources[stage].get(self.number);
+        let with = |change: S::f64s, row: usize, i: usize| match sources {
+            Some(rows) => simd.add_f64s(change, load::<S>(&rows[row][i].0, at)),
+            None => change,
+        };
         let (slopes, Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. }) =
             (&slopes[stage], self.masses);
         let ([u, v, w, w_v], [du, dv, dw, dw_v]) = (&changes.0, &mut derivatives[stage].0);
@@ -148,13 +170,14 @@ impl Step<'_> {
                 net = simd.add_f64s(net, pull);
                 let change = simd.mul_f64s(splat(inverse_resonator[i]), simd.sub_f64s(none[0], pull));
                 store::<S>(get(&w_v[i]), &mut dw[i].0, at);
-                store::<S>(change, &mut dw_v[i].0, at);
+                store::<S>(with(change, 1, i), &mut dw_v[i].0, at);
             }
             if let Some(drag) = drag_n_s_per_m.get(i) {
                 net = simd.sub_f64s(net, simd.mul_f64s(splat(*drag), here[1]));
             }
             store::<S>(here[1], &mut du[i].0, at);
-            store::<S>(simd.mul_f64s(splat(inverse_mass[i]), net), &mut dv[i].0, at);
+            let change = simd.mul_f64s(splat(inverse_mass[i]), net);
+            store::<S>(with(change, 0, i), &mut dv[i].0, at);
             (left, here) = (right, next);
         }
     }

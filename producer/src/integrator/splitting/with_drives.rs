@@ -48,6 +48,8 @@ impl Splitting {
             if let Some(tangents) = &mut self.tangents {
                 tangents.stage(b * dt_s, drift_s);
                 tangents.look(&state.u_m, others.walls_m(), &self.kernel.active_beads());
+                let [w_m, _] = others.rows.resonators_of(&state.extra);
+                tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], &others.now);
             }
         }
         self.kick_with(others, self.stages.last_kick * dt_s, state);
@@ -148,6 +150,8 @@ impl Splitting {
         if let Some(tangents) = &mut self.tangents {
             tangents.settle();
             tangents.look(&state.u_m, others.walls_m(), &(0..state.u_m.len()));
+            let [w_m, _] = others.rows.resonators_of(&state.extra);
+            tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], &others.now);
         }
     }
 

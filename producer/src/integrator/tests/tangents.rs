@@ -12,7 +12,7 @@ fn with(config: &mut RunConfig, toml: &str) {
 }
 
 /// Chains with drives and resonators, as a configuration has them beside its chain.
-fn driven() -> Vec<Variant> {
+pub(super) fn driven() -> Vec<Variant> {
     vec![
         ("a bead that is pushed", |c| {
             with(c, "[[drive]]\nbead = 1\nforce_n = { sine = { amplitude = 3.0, frequency_hz = 1e4 } }\n");
@@ -328,6 +328,39 @@ fn growths_are_those_of_another_program() {
         rows += 1;
     }
     assert!(rows >= 20, "{rows}");
+}
+
+/// The largest exponents of two rings over long times, within three times both errors: those of the other program, from 10⁴ s to 10⁵ s, are
+/// means over three runs; over 10⁴ s these here scatter by 0.0012.
+#[test]
+fn exponents_of_long_runs_are_those_of_another_program() {
+    for (case, expected, error) in
+        [("A1-ring32-E1", 0.104_587, 0.000_3), ("A1-ring32-E0.1", 0.012_257, 0.000_45)]
+    {
+        let (mut config, start, tangent) = reference(case);
+        config.integrator.method = Method::VelocityVerlet;
+        (config.time.dt_s, config.time.duration_s) = (Some(0.02), 2.2e4);
+        let physics = Physics::resolve(&config).expect("valid");
+        let mut state = ChainState::starting_at(&physics, &[0.0; 32], &start);
+        let mut integrator = Integrator::with_tangents(&physics, 1).expect("velocity-verlet");
+        integrator.tangents().expect("carried").set(0, &tangent);
+        let (from, until) = (500_000, 1_100_000);
+        let mut grown = 0.0;
+        while state.step < until {
+            let next = state.step + 500;
+            while state.step < next {
+                integrator.advance(&mut state, next);
+            }
+            let carried = integrator.tangents().expect("carried");
+            let w = carried.tangent(0);
+            let norm = w.iter().map(|x| x * x).sum::<f64>().sqrt();
+            carried.set(0, &w.iter().map(|x| x / norm).collect::<Vec<_>>());
+            grown += if next > from { norm.ln() } else { 0.0 };
+        }
+        let found = grown / (0.02 * (until - from) as f64);
+        let allowed = 3.0 * f64::hypot(error, 0.001_2);
+        assert!((found - expected).abs() < allowed, "{case}: {found}, not {expected} ± {allowed}");
+    }
 }
 
 /// A chain, its first velocities and tangent, of a case of the reference.
