@@ -1,7 +1,6 @@
 //! Processes of this program beside this one.
 
 use anyhow::{Context as _, Error, anyhow};
-use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -51,7 +50,7 @@ impl Process {
     pub(crate) fn stop(&mut self) {
         if let Ok(None) = self.ended() {
             // it may have ended meanwhile
-            let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+            let _ = system::end(&mut self.child);
         }
     }
 

@@ -224,7 +224,7 @@ pub fn origin() -> Origin {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Origin {
         program: format!("beadline {}", env!("CARGO_PKG_VERSION")),
-        host: rustix::system::uname().nodename().to_string_lossy().into_owned(),
+        host: system::host_name(),
         started_unix_ns: u64::try_from(since_epoch.as_nanos()).unwrap_or(u64::MAX),
     }
 }

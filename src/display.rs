@@ -13,7 +13,7 @@ use schemas::text::shown;
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
-use std::os::fd::AsFd;
+use terminal_size::{Width, terminal_size_of};
 
 /// Prints a notice or a warning on stderr, formatted as by `format!`.
 macro_rules! notice {
@@ -139,18 +139,12 @@ fn bar_width(columns: usize) -> usize {
 
 /// Columns of the terminal on stderr.
 fn columns() -> usize {
-    match columns_of(io::stderr()) {
-        usize::MAX => 80,
-        columns => columns,
-    }
+    terminal_size_of(io::stderr()).map_or(80, |(Width(columns), _)| columns.into())
 }
 
-/// Columns of a terminal; unbounded if stderr is not one, or does not say.
-pub(crate) fn columns_of(stream: impl AsFd) -> usize {
-    match rustix::termios::tcgetwinsize(stream) {
-        Ok(size) if size.ws_col > 0 => size.ws_col.into(),
-        _ => usize::MAX,
-    }
+/// Columns of the terminal on stdout; unbounded if it is not one, or does not say.
+pub(crate) fn columns_of_stdout() -> usize {
+    terminal_size_of(io::stdout()).map_or(usize::MAX, |(Width(columns), _)| columns.into())
 }
 
 /// `parts` that are not empty, in one line.

@@ -3,17 +3,19 @@
 //! A command looks at the flag as often as it can. Where libraries compute for seconds without a look, a command that leaves nothing
 //! but results is ended all the same ([`bounded_stop_flag`]).
 
-use rustix::time::{ClockId, clock_gettime};
+#[cfg(not(unix))]
+#[path = "signals/unwatched.rs"]
+mod watch;
+#[cfg(unix)]
+mod watch;
+
 use schemas::whole_file;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
-use std::fs;
-use std::io::{self, ErrorKind, Read as _};
+use std::io;
 use std::ops::ControlFlow;
-use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-use std::thread;
 use std::time::Duration;
 
 /// Text about things that stay behind if a second signal ends the process; one for the process, like signals.
@@ -25,9 +27,6 @@ static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 /// Longest computation after a signal that the process does not notice. It is time of a processor, so that a busy
 /// machine ends nothing early.
 const BOUND: Duration = Duration::from_millis(400);
-
-/// Interval at which that computation is measured.
-const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
 /// Time of waiting for others on the bus after which a person is told.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
@@ -45,28 +44,6 @@ pub(crate) fn leaves_nothing(it_does: bool) {
 pub(crate) fn bounded_stop_flag() -> io::Result<Arc<AtomicBool>> {
     leaves_nothing(true);
     stop_flag()
-}
-
-/// Waits for the first signal and then for the second one, or until the process has computed for [`BOUND`] and leaves nothing.
-fn watch(mut came: UnixStream) -> io::Result<()> {
-    let mut byte = [0];
-    // an end of the stream is no signal
-    came.read_exact(&mut byte)?;
-    let first = clock_gettime(ClockId::ProcessCPUTime);
-    came.set_read_timeout(Some(LOOK_PERIOD))?;
-    loop {
-        match came.read_exact(&mut byte) {
-            Ok(()) => end_at_once(),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                let computed = Duration::try_from(clock_gettime(ClockId::ProcessCPUTime) - first);
-                if LEAVES_NOTHING.load(Ordering::Relaxed) && computed.is_ok_and(|computed| computed >= BOUND)
-                {
-                    leave();
-                }
-            }
-            Err(error) => return Err(error),
-        }
-    }
 }
 
 /// Ends a process that leaves nothing.
@@ -92,21 +69,15 @@ pub(crate) fn while_waiting(waiting: &bus::Waiting) -> ControlFlow<()> {
 
 /// A flag that the first signal sets. The second one ends the process.
 pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
-    let (came, coming) = UnixStream::pair()?;
-    // it ends with the process
-    let watch = move || drop(watch(came));
-    let watched = thread::Builder::new().name("signals".into()).spawn(watch).is_ok();
-    let stop = new_flag();
+    let (watched, stop) = (watch::begin()?, new_flag());
     for signal in [SIGINT, SIGTERM] {
-        if watched {
-            low_level::pipe::register(signal, coming.try_clone()?)?;
-        } else {
+        if !watched {
             // in this order: the shutdown looks at the flag before this signal sets it
             flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
         }
         flag::register(signal, Arc::clone(&stop))?;
     }
-    obey_hangup(&stop)?;
+    watch::obey_hangup(&stop)?;
     storage::stop_when(Arc::clone(&stop));
     Ok(stop)
 }
@@ -117,7 +88,7 @@ pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
     for signal in [SIGINT, SIGTERM] {
         flag::register(signal, Arc::clone(&stop))?;
     }
-    obey_hangup(&stop)?;
+    watch::obey_hangup(&stop)?;
     storage::stop_when(Arc::clone(&stop));
     Ok(stop)
 }
@@ -126,22 +97,6 @@ fn new_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let _ = STOP.set(Arc::clone(&stop));
     stop
-}
-
-/// A terminal that goes away asks for an orderly end, too, and more than once: the shell and the system tell of it.
-fn obey_hangup(stop: &Arc<AtomicBool>) -> io::Result<()> {
-    if !is_ignored(SIGHUP) {
-        flag::register(SIGHUP, Arc::clone(stop))?;
-    }
-    Ok(())
-}
-
-/// True if the caller of this process, such as `nohup`, wants the signal to be ignored.
-fn is_ignored(signal: i32) -> bool {
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
-    mask & (1 << (signal - 1)) != 0
 }
 
 /// Sets the text about things that stay behind if the process is ended at once from now on.

@@ -4,9 +4,6 @@
 //! it. Producers and consumers must agree to the bit on the [`contact`] law, with its own [`power`]
 //! function, over a resolved [`chain`].
 
-#[cfg(not(unix))]
-compile_error!("Beadline needs a Unix system, on Windows WSL: see `Other systems` in docs/DECISIONS.md");
-
 pub mod amounts;
 pub mod bath;
 pub mod beads;

@@ -14,13 +14,12 @@ mod naming;
 pub use aside::{LockedFile, Names};
 pub use naming::{create_directory, directory_of, sync_name};
 
-use rustix::fs::OFlags;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use system::{Identity, identity_at, is_at, without_waiting};
 
 /// A file that is being written and does not have its name yet.
 ///
@@ -52,9 +51,6 @@ pub fn remove_unfinished() {
     }
 }
 
-/// Device and inode of a file.
-type Identity = (u64, u64);
-
 /// A file that may be replaced.
 #[derive(Debug)]
 struct Replaced {
@@ -66,9 +62,7 @@ struct Replaced {
 impl Replaced {
     /// The file at `path`, if there is one.
     fn at(path: &Path) -> Option<Self> {
-        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
-        #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
-        let held = OpenOptions::new().read(true).custom_flags(flags as i32).open(path).ok();
+        let held = without_waiting(OpenOptions::new().read(true), false).open(path).ok();
         identity_at(path).map(|identity| Self { identity, _held: held })
     }
 }
@@ -363,9 +357,7 @@ fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
         return Ok(()); // gone by now
     }
     // locks need a file open for writing on some file systems; what took its place meanwhile must not block
-    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
-    #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
-    let opened = OpenOptions::new().write(true).custom_flags(flags as i32).open(partial);
+    let opened = without_waiting(OpenOptions::new().write(true), false).open(partial);
     let found = match opened {
         Ok(found) => found,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -386,20 +378,6 @@ fn make_room(partial: &Path, replace: bool) -> Result<(), WholeFileError> {
         return Err(WholeFileError::PartialExists { path: partial.to_owned() });
     }
     fs::remove_file(partial).map_err(WholeFileError::io(partial))
-}
-
-/// True if `file` is the file at `path`.
-fn is_at(file: &File, path: &Path) -> bool {
-    file.metadata().is_ok_and(|ours| identity_at(path) == Some(identity(&ours)))
-}
-
-/// The identity of the file at `path`, if there is one.
-fn identity_at(path: &Path) -> Option<Identity> {
-    path.symlink_metadata().ok().as_ref().map(identity)
-}
-
-fn identity(found: &fs::Metadata) -> Identity {
-    (found.dev(), found.ino())
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ pub(crate) fn ls(place: Option<&Path>, as_json: bool, names_only: bool) -> Resul
     } else if runs.is_empty() {
         notice!("no runs; start one with `beadline run`");
     } else {
-        display::print(table(&runs, display::columns_of(std::io::stdout())))?;
+        display::print(table(&runs, display::columns_of_stdout()))?;
     }
     Ok(Done::Whole)
 }

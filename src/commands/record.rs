@@ -13,7 +13,7 @@ use anyhow::anyhow;
 use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::Lend;
 use recorder::{DueFrames, Recorder, RowTally, RowThreads};
-use recording::{Disk, DiskWatch, Finished, PartsWriter, SpaceNeeded, Split, WriteOptions, part_path};
+use recording::{DiskWatch, Finished, PartsWriter, SpaceNeeded, Split, WriteOptions, part_path};
 use schemas::frame::{EndReason, FrameSource, Received};
 use schemas::manifest::RunManifest;
 use serde_json::{Value, json};
@@ -126,8 +126,9 @@ fn check_output(args: &RecordArgs, out: &Path, split: &Split, force: bool) -> Re
     } else {
         check_free(out, force)?;
     }
-    let disk = Disk::of(out)?;
-    let reserve_bytes = args.min_free.unwrap_or_else(|| disk.default_reserve_bytes());
+    let disk = recording::room_for(out)?;
+    // by default 100 MB, or 1 % of a disk below 10 GB
+    let reserve_bytes = args.min_free.unwrap_or_else(|| (disk.total_bytes / 100).min(100_000_000)); // integers
     if disk.free_bytes < reserve_bytes {
         let (free, reserve) = (bytes(disk.free_bytes), bytes(reserve_bytes));
         return Err(Failure::Failed(anyhow!(

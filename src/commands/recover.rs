@@ -18,9 +18,8 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::fs::{File, Metadata, TryLockError};
+use std::fs::{File, TryLockError};
 use std::num::NonZero;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -56,7 +55,9 @@ pub(crate) fn recover_file(
         run_toml = None;
     }
     let expected = Audit::expected_counts(from);
-    if !is_url(from) && !locked.as_ref().is_some_and(|locked| is_at(locked, from)) {
+    let there = from.canonicalize();
+    let is_locked = |locked: &File| there.as_ref().is_ok_and(|there| system::is_at(locked, there));
+    if !is_url(from) && !locked.as_ref().is_some_and(is_locked) {
         return Err(Failure::Failed(anyhow!(
             "{} was replaced or moved meanwhile; nothing was written",
             from.display()
@@ -154,13 +155,6 @@ fn lock(path: &Path) -> Result<File, Failure> {
         // file systems without locks do without
         _ => Ok(file),
     }
-}
-
-/// True if `file` is still the file at `path`, so that anything opened there since it was locked is the same file.
-fn is_at(file: &File, path: &Path) -> bool {
-    let identity = |found: Metadata| (found.dev(), found.ino());
-    let (ours, there) = (file.metadata().map(identity).ok(), path.metadata().map(identity).ok());
-    ours.is_some() && ours == there
 }
 
 /// Path at which the new recording is written: its own name, unless its `.partial` would be the source.

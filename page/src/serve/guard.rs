@@ -2,8 +2,7 @@
 
 use hyper::http::header::{self, HeaderName};
 use hyper::http::{Method, request::Parts};
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io;
 use std::net::SocketAddr;
 
 /// 128 bits.
@@ -20,7 +19,7 @@ impl Guard {
     /// A guard with a token of its own for the server at `address`.
     pub(super) fn new(address: SocketAddr) -> io::Result<Self> {
         let mut token = [0; TOKEN_BYTES];
-        File::open("/dev/urandom")?.read_exact(&mut token)?;
+        getrandom::fill(&mut token).map_err(io::Error::other)?;
         let port = address.port();
         let hosts = ["127.0.0.1", "localhost", "[::1]"].map(|host| format!("{host}:{port}"));
         let [v4, name, v6] = hosts;

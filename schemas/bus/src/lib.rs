@@ -12,6 +12,9 @@
 //! Signals: iceoryx2 is told to leave them alone, so the caller's handlers stay in charge; a flag in the
 //! options ends every wait.
 
+#[cfg(all(feature = "live", not(unix)))]
+compile_error!("live streams need a Unix system; build with --no-default-features, without them");
+
 mod errors;
 #[cfg_attr(not(feature = "live"), path = "absent.rs")]
 mod transport;

@@ -40,7 +40,7 @@ pub use results::contacts::{COMPRESSED, ContactsReader, ContactsRow, ContactsWri
 pub use results::recorded_rows::RecordedRows;
 pub use results::row_messages::{RecordedRow, RowMessages};
 pub use write::channel_writer::{Compression, Finished, WriteOptions};
-pub use write::disk::{Disk, DiskWatch};
+pub use write::disk::{DiskWatch, room_for};
 pub use write::foreign::{ForeignChannel, ForeignTopic, ForeignWriter};
 pub use write::foxglove;
 pub use write::parts::{PartsWriter, Split, part_path};

@@ -3,12 +3,12 @@
 //! The file is renamed to `<name>.interrupted`, read there while `<name>.partial` is written anew, and removed when the new file
 //! has everything that it had. Whatever happens in between, one of the two is whole.
 
-use super::{OFlags, WholeFileError, give_name, is_at, naming, regular_file_at};
+use super::{WholeFileError, give_name, naming, regular_file_at};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use system::{is_at, without_waiting};
 
 /// Ending of a name while the file is written.
 const PARTIAL: &str = ".partial";
@@ -66,10 +66,7 @@ impl LockedFile {
         if !regular_file_at(path)? {
             return Err(io(io::ErrorKind::NotFound.into()));
         }
-        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits();
-        #[expect(clippy::cast_possible_wrap, reason = "the same bits, as the standard library wants them")]
-        let flags = flags as i32;
-        let open = |write| OpenOptions::new().read(true).write(write).custom_flags(flags).open(path);
+        let open = |write| without_waiting(OpenOptions::new().read(true).write(write), false).open(path);
         // locks need a file open for writing on some file systems; one that may only be read can be copied elsewhere
         let file = open(true).or_else(|_| open(false)).map_err(&io)?;
         if let Err(TryLockError::WouldBlock) = file.try_lock() {

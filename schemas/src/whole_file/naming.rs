@@ -1,9 +1,7 @@
 //! Gives a file its name without replacing another, and makes names durable.
 
 use super::WholeFileError;
-use rustix::fs::{CWD, RenameFlags};
-use rustix::io::Errno;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io;
 use std::path::Path;
 
@@ -12,7 +10,7 @@ type Rename = fn(&Path, &Path) -> io::Result<()>;
 
 /// Renames, but never onto an existing file.
 pub(super) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
-    first_possible(&[by_flag, by_link, by_reservation], from, to)
+    first_possible(&[system::rename_new, by_link, by_reservation], from, to)
 }
 
 /// The first of `ways` that the file system can do.
@@ -21,20 +19,11 @@ fn first_possible(ways: &[Rename], from: &Path, to: &Path) -> io::Result<()> {
     for way in ways {
         outcome = way(from, to);
         match &outcome {
-            Err(error) if is_unsupported(error) => {}
+            Err(error) if system::is_unsupported(error) => {}
             _ => break,
         }
     }
     outcome
-}
-
-/// True if a file system reports that it cannot do it; FAT and several network ones report "not permitted".
-fn is_unsupported(error: &io::Error) -> bool {
-    matches!(Errno::from_io_error(error), Some(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP | Errno::PERM))
-}
-
-fn by_flag(from: &Path, to: &Path) -> io::Result<()> {
-    Ok(rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE)?)
 }
 
 /// Renames by a second name, which cannot be given if it is taken.
@@ -62,7 +51,7 @@ pub(super) fn sync_directory(path: &Path) -> Result<(), WholeFileError> {
 /// # Errors
 /// When the operating system refuses.
 pub fn sync_name(path: &Path) -> io::Result<()> {
-    match File::open(directory_of(path)).and_then(|directory| directory.sync_all()) {
+    match system::sync_directory(directory_of(path)) {
         // file systems that cannot sync directories do without
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => Ok(()),
         synced => synced,
@@ -99,14 +88,14 @@ mod tests {
     use super::*;
 
     fn cannot(_: &Path, _: &Path) -> io::Result<()> {
-        Err(Errno::PERM.into())
+        Err(io::ErrorKind::Unsupported.into())
     }
 
     /// Without hard links, and without the flag, too.
     #[test]
     fn no_way_of_naming_replaces_a_file() {
         let ways: [&[Rename]; 4] =
-            [&[by_flag], &[by_link], &[by_reservation], &[cannot, cannot, by_reservation]];
+            [&[system::rename_new], &[by_link], &[by_reservation], &[cannot, cannot, by_reservation]];
         for ways in ways {
             let directory = tempfile::tempdir().expect("directory");
             let (from, to) = (directory.path().join("from"), directory.path().join("to"));

@@ -2,8 +2,8 @@
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, ErrorKind, Read as _};
-use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::Path;
+use system::{not_a_file, without_waiting};
 
 /// Opens the regular file `path` for reading. A pipe, on which a reader waits for a writer, is refused, and so are sockets and
 /// devices.
@@ -14,8 +14,7 @@ pub fn open_file(path: &Path) -> io::Result<File> {
     // a device may do something when it is opened
     refuse(path.metadata()?.file_type())?;
     // it may be another one by now; `O_NONBLOCK` means nothing to a regular file
-    let flags = rustix::fs::OFlags::NONBLOCK.bits();
-    let file = OpenOptions::new().read(true).custom_flags(flags.cast_signed()).open(path)?;
+    let file = without_waiting(OpenOptions::new().read(true), true).open(path)?;
     refuse(file.metadata()?.file_type())?;
     Ok(file)
 }
@@ -42,19 +41,6 @@ fn refuse(found: FileType) -> io::Result<()> {
             let why = format!("it is {what}, and no file; only regular files are read");
             Err(io::Error::new(ErrorKind::InvalidInput, why))
         }
-    }
-}
-
-/// The name of a thing that is no file; none for files and directories.
-pub(crate) fn not_a_file(found: FileType) -> Option<&'static str> {
-    if found.is_fifo() {
-        Some("a pipe (FIFO)")
-    } else if found.is_socket() {
-        Some("a socket")
-    } else if found.is_char_device() || found.is_block_device() {
-        Some("a device")
-    } else {
-        None
     }
 }
 

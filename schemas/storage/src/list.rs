@@ -1,9 +1,9 @@
 //! Files under a directory, objects under a URL.
 
-use crate::file::not_a_file;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use system::not_a_file;
 
 /// A file or an object.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,11 +6,11 @@ use crate::{StorageError, Upload, open_file, read_file, stop};
 use std::fmt::{self, Display};
 use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
+use system::is_at;
 
 /// Smallest part that stores take, but for the last.
 const LEAST_PART_BYTES: u64 = 5 << 20;
@@ -332,7 +332,7 @@ impl Work {
         let offset = upload.bytes();
         let was_sent = self.patiently(|| {
             let mut part = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
-            file.read_exact_at(&mut part, offset).map_err(unreadable(&errand.file))?;
+            system::read_exact_at(file, &mut part, offset).map_err(unreadable(&errand.file))?;
             upload.send(part).map_err(refused(errand))
         })?;
         self.shared.lock().sent_bytes += bytes;
@@ -465,12 +465,6 @@ fn note_of(errand: &Errand) -> PathBuf {
     let mut name = errand.file.clone().into_os_string();
     name.push(".upload");
     name.into()
-}
-
-/// True if `file` is the file at `path`.
-fn is_at(file: &File, path: &Path) -> bool {
-    let ours = file.metadata().map(|found| (found.dev(), found.ino()));
-    path.symlink_metadata().is_ok_and(|found| ours.is_ok_and(|ours| ours == (found.dev(), found.ino())))
 }
 
 #[cfg(test)]

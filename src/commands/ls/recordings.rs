@@ -51,7 +51,7 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
         notice!("no recordings among the {} in {}", counted(seen_count, "file"), place.display());
     } else {
         let rows = rows.map(|(path, found)| cells(path, found, place)).collect();
-        display::print(aligned(COLUMNS, rows, display::columns_of(std::io::stdout())).concat())?;
+        display::print(aligned(COLUMNS, rows, display::columns_of_stdout()).concat())?;
     }
     Ok(Done::whole_if(is_whole))
 }

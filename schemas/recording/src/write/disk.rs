@@ -4,32 +4,15 @@ use crate::error::WriteError;
 use schemas::whole_file::directory_of;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use system::Room;
 
-/// The disk that a file is on, or will be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Disk {
-    /// Bytes that are free for us.
-    pub free_bytes: u64,
-    /// Its size.
-    pub total_bytes: u64,
-}
-
-impl Disk {
-    /// The disk of the file `path`.
-    ///
-    /// # Errors
-    /// When its directory cannot be looked at.
-    pub fn of(path: &Path) -> Result<Self, WriteError> {
-        let directory = directory_of(path);
-        let disk = rustix::fs::statvfs(directory).map_err(|errno| WriteError::io(directory)(errno.into()))?;
-        let bytes = |blocks: u64| blocks.saturating_mul(disk.f_frsize);
-        Ok(Self { free_bytes: bytes(disk.f_bavail), total_bytes: bytes(disk.f_blocks) })
-    }
-
-    /// Free space that a recorder leaves by default: 100 MB, or 1 % of a disk below 10 GB.
-    pub fn default_reserve_bytes(&self) -> u64 {
-        (self.total_bytes / 100).min(100_000_000) // integers
-    }
+/// The room on the disk that the file `path` is on, or will be.
+///
+/// # Errors
+/// When its directory cannot be looked at.
+pub fn room_for(path: &Path) -> Result<Room, WriteError> {
+    let directory = directory_of(path);
+    system::room(directory).map_err(WriteError::io(directory))
 }
 
 /// Checks now and then that as much room is left on a disk as must stay free.
@@ -75,7 +58,7 @@ impl DiskWatch {
         self.looked_at = Some(Instant::now());
         self.written_bytes = written_bytes;
         let needed_bytes = self.reserve_bytes.saturating_add(pending_bytes());
-        let free_bytes = Disk::of(&self.path)?.free_bytes;
+        let free_bytes = room_for(&self.path)?.free_bytes;
         self.stride_bytes = (free_bytes.saturating_sub(needed_bytes) / 8).min(Self::STRIDE_BYTES); // integers
         Ok(free_bytes < needed_bytes)
     }

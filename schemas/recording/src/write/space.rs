@@ -2,11 +2,12 @@
 
 use crate::error::WriteError;
 use crate::write::channel_writer::Compression;
-use crate::write::disk::Disk;
+use crate::write::disk::room_for;
 use crate::write::encode::STATE_HEAD_BYTES;
 use schemas::manifest::RunManifest;
 use schemas::whole_file::directory_of;
 use std::path::Path;
+use system::Room;
 
 /// Bytes of a message beyond its contents: opcode and length, channel, sequence and two times.
 const MESSAGE_RECORD_BYTES: u64 = 9 + 2 + 4 + 8 + 8;
@@ -68,7 +69,7 @@ impl SpaceNeeded {
     /// [`WriteError::NoSpace`], [`WriteError::NoDisk`], or when the directory cannot be looked at.
     pub fn check(&self, path: &Path) -> Result<u64, WriteError> {
         let directory = directory_of(path);
-        let Disk { free_bytes, total_bytes } = Disk::of(path)?;
+        let Room { free_bytes, total_bytes } = room_for(path)?;
         if total_bytes == 0 {
             return Err(WriteError::NoDisk { directory: directory.to_owned() });
         }
