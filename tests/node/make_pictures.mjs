@@ -59,6 +59,11 @@ await picture("changed", `${shared}#tab=change&at=45000`, {
   },
 });
 
+run("run", "--preset", "light-impurity", "--impurity", "500=0.9e-3", "--name", "heavier", "--out", "heavier.mcap");
+const pair = await view("light-impurity.mcap", "heavier.mcap");
+await picture("pair", `${pair.url}#at=45000&tab=compare`);
+pair.child.kill();
+
 fs.mkdirSync(path.join(place, "runs"));
 for (const preset of ["dimer", "precompressed", "striker-10g", "tapered", "walls"]) {
   run("run", "--preset", preset, "--record-every-steps", "50", "--out", `runs/${preset}.mcap`);
