@@ -167,7 +167,7 @@ def of_comparison(comparison: Comparison) -> str:
     rows: list[tuple[str, object]] = [("a", repr(comparison.a)), ("b", repr(comparison.b))]
     rows += [(key, f"{_short(a)} in a, {_short(b)} in b") for key, (a, b) in changes[:_SHOWN]]
     rows += [("further keys", f"{len(changes) - _SHOWN:,} differ")] if len(changes) > _SHOWN else []
-    return _beside(_rows(rows), lambda: f"a − b: {_small_map(comparison.difference)}")
+    return _beside(_rows(rows), lambda: f"a − b<br>{_small_map(comparison.difference)}")
 
 
 def _short(value: object) -> str:

@@ -243,7 +243,7 @@ const scenarios = {
     found.forEach(({ a, d }, i) => d.forEach((value, j) => assert.equal(value, a[j] - others[i][j])));
     assert.ok(found[2].d.some((value) => Math.abs(value) > 0.1), "runs that differ");
     assert.ok((await drawnTexts(page)).includes(`light − ${heavy}`));
-    await hashUntil(page, /with=1&difference=1/);
+    await hashUntil(page, /tab=compare&with=1&difference=1/);
     // both maps beside each other, and the difference below; a click on any of them moves the cursor of all
     const [map, second, below] = await Promise.all(
       ["map", "second", "difference"].map((id) => page.locator(`#${id}`).boundingBox()),

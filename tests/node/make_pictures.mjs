@@ -38,6 +38,8 @@ async function picture(name, url, { options = WIDE, colorScheme = "light", act =
   await page.goto(url);
   await act(page);
   await page.waitForTimeout(4000);
+  await page.waitForFunction(() => !document.querySelector(".busy"), undefined, { timeout: 120_000 });
+  await page.waitForTimeout(500);
   await page.screenshot({ path: path.join(out, `${name}.png`) });
   await context.close();
 }
