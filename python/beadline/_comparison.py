@@ -149,11 +149,11 @@ class Comparison:
         if there is none. The tolerance is in units of L and v0 of the first run, as that of :meth:`Recording.check`.
 
         Raises:
-            ValueError: If the first run has no L, because nothing moves at its begin.
+            ValueError: If the tolerance is not above 0.
         """
+        if not tolerance > 0:
+            raise ValueError(f"tolerance: found {tolerance!r}; expected a number above 0, such as 1e-4")
         length_m, time_s = self.a._manifest.scales
-        if not length_m > 0 or not tolerance > 0:
-            raise ValueError(f"tolerance: found {tolerance:g} of L = {length_m:g} m; expected numbers above 0: take norms() instead")
         norms = self.norms(every)
         is_apart = norms["displacement_max_m"] > tolerance * length_m
         is_apart |= norms["velocity_max_m_s"] > tolerance * length_m / time_s

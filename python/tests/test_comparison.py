@@ -87,7 +87,7 @@ def test_there_is_no_difference_of_other_beads_or_times() -> None:
     assert "found 20 and 30 beads" in bl.compare(small, large)._repr_html_()
     with pytest.raises(TypeError, match="a: found int; expected a Recording"):
         bl.compare(3, small)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="tolerance: found 0 "):
+    with pytest.raises(ValueError, match="tolerance: found 0; expected a number above 0"):
         bl.compare(small, small).apart_from_s(tolerance=0)
     with pytest.raises(ValueError, match="field: found 'force'; expected 'velocity' or 'displacement'"):
         bl.compare(small, small).plot("force")
