@@ -146,7 +146,7 @@ export function changeForm(run, second, change, onchange) {
   const words = make(
     "p",
     { class: "words" },
-    "The chain is simulated here from step 0 and shown under the run, at the same times." +
+    "The chain is simulated here from step 0 and shown beside the run, at the same times." +
       " With another α the stiffness becomes one that leaves L and T as they are.",
   );
   if (!second) {

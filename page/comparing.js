@@ -1,4 +1,4 @@
-// Another run beside this one: its map under this one's, its curves dashed, or the difference of both as a map.
+// Another run beside this one: its map beside this one's, its curves dashed, and a map of the difference of both below.
 
 import { chooseFile, sourceOf } from "./carried.js";
 import { byId, make } from "./elements.js";
@@ -104,10 +104,9 @@ export class Comparison {
     page.board.invalidate();
   }
 
-  /** The run of the second map: classes of contacts have no difference. */
+  /** The difference where it has a map: classes of contacts have none. */
   get shown() {
-    const { page, difference } = this;
-    return difference !== undefined && page.view.field !== "contacts" ? difference : page.second;
+    return this.page.view.field === "contacts" ? undefined : this.difference;
   }
 
   /** The title of a map where there are two; "" if nothing is compared. @param {Run} shown */
@@ -123,7 +122,7 @@ export class Comparison {
   /** The same ends of colours for two runs, so that colours may be compared. @param {Run} shown */
   commonEnds(shown) {
     const { run, second } = this.page;
-    if (!run || !second || shown === this.difference || (this.difference && this.shown === this.difference)) {
+    if (!run || !second || shown === this.difference) {
       return undefined;
     }
     const [a, b] = [run, second].map(({ rows }) => this.endsOf(rows));
@@ -210,6 +209,6 @@ export function compareForm(page) {
     ...(isInterpolated
       ? [words("Their time steps differ: between steps of the other run its states are those of a cubic through displacements and velocities.")]
       : []),
-    words("The other run is shown under this one at the same times, with the same colours, and dashed in the curves."),
+    words("The other run is shown beside this one at the same times, with the same colours, and dashed in the curves."),
   ];
 }

@@ -16,7 +16,7 @@ let clicked = { time: 0 };
 
 /** Listens to all of them. @param {Page} page */
 export function watchGestures(page) {
-  for (const id of ["map", "second", "profile"]) {
+  for (const id of ["map", "second", "difference", "profile"]) {
     wireCanvas(page, id);
   }
 }

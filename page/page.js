@@ -130,7 +130,7 @@ export class Page {
     const isOwn = kind === "one" || kind === "pair";
     const entry = entries.find(({ id }) => id === this.view.run) ?? (isOwn ? entries[0] : undefined);
     if (kind === "pair" && !this.view.run) {
-      this.look({ other: entries[1].id, run: entries[0].id });
+      this.look({ other: entries[1].id, run: entries[0].id, difference: true });
     }
     if (entry) {
       await this.openEntry(entry);
@@ -353,6 +353,7 @@ export class Page {
       this.showControls();
     }
     this.board.invalidate();
+    dispatchEvent(new Event("look"));
   }
 
   write() {
@@ -443,8 +444,9 @@ export class Page {
         second.seek(this.secondStep(this.step));
       }
     }
+    byId("difference-panel").hidden = this.comparison.shown === undefined;
     if (difference) {
-      this.askRows(difference, "second", 1);
+      this.askRows(difference, "difference", 1);
     }
     const isCheap = run.info.recomputes && run.beads * run.info.lastStep < CHEAP;
     const isGrowing = run.info.kind === "live" && run.ended === "";
@@ -675,6 +677,8 @@ export function start() {
         return { ...page.view, ...(page.run && page.window()) };
       },
       state: arrays,
+      /** Looks at something else; each time that anybody does, the window has an event `look`. */
+      look: (/** @type {Partial<import("./view.js").View>} */ change) => page.look(change),
       seek: async (/** @type {number} */ step) => {
         await page.ready;
         await page.seek(step);

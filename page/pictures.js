@@ -23,7 +23,13 @@ export class Pictures {
   }
 
   names() {
-    return ["map", "second", "profile", "energies", "path", "marks"];
+    return ["map", "second", "difference", "profile", "energies", "path", "marks"];
+  }
+
+  /** The run that a canvas shows. @param {string} id */
+  runOf(id) {
+    const { run, second, comparison } = this.page;
+    return id === "second" ? second : id === "difference" ? comparison.shown : run;
   }
 
   /**
@@ -33,12 +39,12 @@ export class Pictures {
    */
   draw(name, surface, box) {
     const { run, second } = this.page;
-    const shown = name === "second" ? this.page.comparison.shown : run;
+    const shown = this.runOf(name);
     const colours = theme(this.page.isDark);
     if (!run || !shown) {
       return;
     }
-    if (name === "map" || name === "second") {
+    if (["map", "second", "difference"].includes(name)) {
       drawMap(surface, box, shown.rows, this.mapView(shown), colours);
       this.drawTitle(surface, box, shown);
       this.drawBox(surface, box);
@@ -83,7 +89,7 @@ export class Pictures {
 
   /** Descriptions of the canvases, in words. */
   describe() {
-    const { run, second, view } = this.page;
+    const { run, second, view, comparison } = this.page;
     if (!run) {
       return;
     }
@@ -96,6 +102,7 @@ export class Pictures {
     const words = {
       map: `Map of ${field}, ${where} to the right, ${when} downward`,
       second: second ? `The same map, changed: ${changeWords(this.page)}` : "The same map with one thing changed, not there",
+      difference: `Difference of both maps: ${comparison.shown ? comparison.title(comparison.shown) : "not there"}`,
       profile: `${field} of ${where} at ${now}`,
       energies: `Energies, ${when}`,
       path: `Displacement and velocity of beads ${this.page.followed.join(", ")}, ${when}`,
@@ -144,8 +151,7 @@ export class Pictures {
 
   /** Box of the plot of a map or a profile, in its canvas. @param {string} id */
   plot(id) {
-    const { run, comparison } = this.page;
-    const shown = id === "second" ? comparison.shown : run;
+    const shown = this.runOf(id);
     const { width, height } = this.page.board.size(id);
     if (!shown || width < 2 || height < 2) {
       return undefined;

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         live_runs,
     )
     from ._chain import Chain
+    from ._comparison import Comparison, Difference, compare
     from ._fields import FieldArray
     from ._files import Verdict, View
     from ._orbit import Orbit, orbit
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "_analyses": ("Forces", "Motion", "Pulses"),
     "_chain": ("Chain",),
+    "_comparison": ("Comparison", "Difference", "compare"),
     "_fields": ("FieldArray",),
     "_files": ("Verdict", "View"),
     "_live": (
@@ -98,8 +100,10 @@ __all__ = [
     "Chain",
     "CommandError",
     "CommandValueError",
+    "Comparison",
     "ConfigError",
     "Consumer",
+    "Difference",
     "FieldArray",
     "Forces",
     "Frame",
@@ -125,6 +129,7 @@ __all__ = [
     "analysis",
     "attach",
     "attach_async",
+    "compare",
     "consumer",
     "live_runs",
     "open",

@@ -8,7 +8,7 @@ from types import ModuleType
 from .errors import MissingExtraError
 
 # the extra that brings a package, where it has another name
-_EXTRAS = {"h5py": "hdf5", "matplotlib": "plot", "pyarrow": "arrow"}
+_EXTRAS = {"anywidget": "widget", "h5py": "hdf5", "matplotlib": "plot", "pyarrow": "arrow"}
 
 
 def need(module: str, extra: str | None = None) -> ModuleType:

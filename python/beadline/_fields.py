@@ -15,6 +15,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from ._numbers import count
 
 if TYPE_CHECKING:
+    from ._comparison import Difference
     from ._native import Doubles
     from ._recording import Recording
 
@@ -84,7 +85,7 @@ class FieldArray(NDArrayOperatorsMixin):
         place: The kind of its places: ``"bead"``, ``"contact"`` or ``"drive"``.
     """
 
-    def __init__(self, recording: Recording, name: FieldName, rows: Axis | int, columns: Axis | int) -> None:
+    def __init__(self, recording: Recording | Difference, name: FieldName, rows: Axis | int, columns: Axis | int) -> None:
         self._recording = recording
         self.name: FieldName = name
         self.unit, self.place = FIELDS[name]

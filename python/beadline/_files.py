@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from ._recording import Recording
+    from ._widget import Widget
 
 # how long a page may take to end (s)
 _PATIENCE_S = 5.0
@@ -316,12 +317,12 @@ class View:
         url: Its address, with a random part that nobody else knows.
     """
 
-    def __init__(self, rec: Recording, *, open: bool, port: int) -> None:
+    def __init__(self, *recs: Recording, open: bool, port: int) -> None:
         with ExitStack() as stack, tempfile.TemporaryFile() as notices:
-            file = stack.enter_context(rec._file())
+            files = [stack.enter_context(rec._file()) for rec in recs]
             flags = [f"--port={port}", *(["--open"] if open else [])]
             process = subprocess.Popen(
-                [*PROGRAM, "view", file, *flags],
+                [*PROGRAM, "view", *files, *flags],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=notices,
@@ -333,7 +334,7 @@ class View:
             if not self.url:
                 code = process.wait()
                 notices.seek(0)
-                raise failure(notices.read().decode(errors="replace").strip().splitlines(), code, file)
+                raise failure(notices.read().decode(errors="replace").strip().splitlines(), code, files[0])
             self._close = weakref.finalize(self, stack.pop_all().close)
 
     def close(self) -> None:
@@ -373,3 +374,22 @@ def view(rec: Recording, *, open: bool = True, port: int = 0) -> View:
         port: Port of the server, on this machine only; by default a free one.
     """
     return View(rec, open=open, port=count("port", port, 0))
+
+
+def widget(rec: Recording, *, every: int | None = None, height_px: int = 640) -> Widget:
+    """Shows the recording in a cell of a notebook, on the page that ``share`` writes, with every step in it and without a network.
+
+    Its traits are ``step``, ``bead``, ``field`` and ``window_s``, the times in view: setting one moves the page, and a click sets
+    them; ``observe`` tells. It needs anywidget, and works wherever that does: in JupyterLab, VS Code, marimo.
+
+    Args:
+        every: As for :meth:`share`.
+        height_px: Its height (pixels).
+    """
+    need("anywidget")
+    from ._widget import Widget
+
+    with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
+        path = Path(directory, f"{rec.name}.html")
+        share(rec, path, every=every)
+        return Widget(rec, path.read_text(encoding="utf-8"), height_px)

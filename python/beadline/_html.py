@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ._map import map_of, see_through, shades_of
 
 if TYPE_CHECKING:
+    from ._comparison import Comparison, Difference
     from ._recording import Recording, State
     from ._run import Run
     from ._table import Table
@@ -28,6 +29,8 @@ _SMALL_S, _SMALL_WORK = 0.1, 100_000
 
 # rows that a table shows of itself at most, and of a longer one at its begin and at its end
 _ALL_SHOWN, _SHOWN = 30, 5
+# characters of a value of a manifest
+_SHORT = 60
 
 
 def of_recording(rec: Recording) -> str:
@@ -77,7 +80,7 @@ def _size(size_bytes: int) -> str:
     return f"{size_bytes / 1e6:,.2f} MB" if size_bytes >= 1e6 else f"{size_bytes / 1e3:,.1f} kB"
 
 
-def _small_map(rec: Recording) -> str:
+def _small_map(rec: Recording | Difference) -> str:
     rows = min(_SMALL_ROWS, max(2, _SMALL_DOUBLES // rec.beads))
     drawn = map_of(rec, rec.velocity, range(rec.beads), rows, _SMALL_COLUMNS)
     low, high = drawn.extremes
@@ -122,7 +125,7 @@ def png(pixels: npt.NDArray[np.uint8], colours: npt.NDArray[np.uint8]) -> bytes:
 def _rows(rows: Iterable[tuple[str, object]]) -> str:
     # the file may be of a stranger: nothing in it is markup
     return "".join(
-        f'<tr><th style="text-align:left">{name}</th><td style="text-align:left">{markup.escape(str(value))}</td></tr>'
+        f'<tr><th style="text-align:left">{markup.escape(name)}</th><td style="text-align:left">{markup.escape(str(value))}</td></tr>'
         for name, value in rows
     )
 
@@ -156,6 +159,20 @@ def _map_of_run(run: Run) -> str:
         if rec.last_step == run.steps:
             return _small_map(rec)
     return "<em>no map yet: run.simulate() and run.record() make one</em>"
+
+
+def of_comparison(comparison: Comparison) -> str:
+    """Two recordings in a few lines, with a small map of their difference."""
+    changes = list(comparison.changes.items())
+    rows: list[tuple[str, object]] = [("a", repr(comparison.a)), ("b", repr(comparison.b))]
+    rows += [(key, f"{_short(a)} in a, {_short(b)} in b") for key, (a, b) in changes[:_SHOWN]]
+    rows += [("further keys", f"{len(changes) - _SHOWN:,} differ")] if len(changes) > _SHOWN else []
+    return _beside(_rows(rows), lambda: f"a − b<br>{_small_map(comparison.difference)}")
+
+
+def _short(value: object) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= _SHORT else f"{text[:_SHORT]}…"
 
 
 def of_state(state: State) -> str:

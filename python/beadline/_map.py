@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from ._comparison import Difference
     from ._fields import FieldArray
     from ._native import Doubles
     from ._recording import Recording
@@ -46,7 +47,7 @@ class Map:
 
 
 def map_of(
-    rec: Recording,
+    rec: Recording | Difference,
     array: FieldArray,
     places: range,
     rows: int,
@@ -75,8 +76,8 @@ def map_of(
     wanted = np.linspace(known[0], known[-1], rows)
     steps = nearest(known, wanted)
     which, back = np.unique(steps, return_inverse=True)
-    rest = {"overlap": rec.rest_overlap_m, "force": rec.rest_force_n}.get(array.name)
-    rest = rest[places.start : places.stop] if rest is not None else np.zeros(1)
+    at_rest = {"overlap": "rest_overlap_m", "force": "rest_force_n"}.get(array.name)
+    rest = getattr(rec, at_rest)[places.start : places.stop] if at_rest else np.zeros(1)
     values = _read(array, rows_of(rec, which), places, rest, min(columns, len(places)))[back]
     # where states are missing, the nearest is none of that time
     apart = max(rec.record_every, (wanted[-1] - wanted[0]) / rows)
@@ -85,7 +86,7 @@ def map_of(
     return Map(values, places, float(times_s[0]), float(times_s[1]), rec.dt_s, bool(rest.any()))
 
 
-def rows_of(rec: Recording, steps: Steps) -> Steps:
+def rows_of(rec: Recording | Difference, steps: Steps) -> Steps:
     """Positions of steps on the first axis of the arrays of a recording."""
     if isinstance(rec.steps, range):
         return (steps - rec.steps.start) // rec.steps.step

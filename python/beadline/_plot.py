@@ -17,6 +17,7 @@ from ._numbers import count, in_si, name_and_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ._comparison import Comparison
     from ._fields import FieldArray
     from ._native import Doubles
     from ._recording import Recording, State
@@ -221,6 +222,33 @@ def _draw_map(
         bar.set_ticks(_decades(shades, low, high))
         bar.formatter = ticker.FuncFormatter(_plain)
         bar.update_ticks()
+
+
+def plot_comparison(
+    comparison: Comparison, field: str, during_s: tuple[float, float] | None, scale: Scale | None
+) -> Sequence[Axes]:
+    """Draws maps of two recordings with the same colours, and of their difference, beside each other."""
+    if field not in ("velocity", "displacement"):
+        raise ValueError(f"field: found {field!r}; expected 'velocity' or 'displacement'")
+    difference, unit = comparison.difference, FIELDS[field][0]
+    during_s = in_si("during_s", during_s) or (difference.first_step * difference.dt_s, difference.last_step * difference.dt_s)
+    titles = (f"a: {comparison.a.name}", f"b: {comparison.b.name}", "a − b")
+    maps = [
+        map_of(one, getattr(one, field), range(one.beads), _MOST_ROWS, _MOST_COLUMNS, during_s=during_s, fewest=_FINE_ROWS)
+        for one in (comparison.a, comparison.b, difference)
+    ]
+    is_log = field != "displacement" if scale is None else scale == "log"
+    limit = max(abs(end) for drawn in maps[:2] for end in _bulk(field, drawn.values, is_log)) or None
+    subplots = need("matplotlib.pyplot").subplots
+    figure, axes = subplots(1, 3, figsize=(13.0, 4.2), sharex=True, sharey=True, layout="constrained")
+    figure.get_layout_engine().set(wspace=0.06)
+    for ax, drawn, title in zip(axes, maps, titles, strict=True):
+        _draw_map(ax, drawn, field, unit, scale, None if title == "a − b" else limit)
+        ax.set_title(title, loc="left", fontsize="small", color=_GREY, parse_math=False)
+        ax.set_xlabel("bead")
+        ax.label_outer()
+    drawn_on: Sequence[Axes] = axes
+    return drawn_on
 
 
 def _plain(value: float, position: int | None = None) -> str:

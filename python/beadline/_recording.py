@@ -593,6 +593,7 @@ class Recording(Analyses):
     thin = _files.thin
     recover = _files.recover
     view = _files.view
+    widget = _files.widget
     plot = _plot.plot
     to_xarray = _files.to_xarray
     _repr_html_ = _html.of_recording

@@ -18,7 +18,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "python" / "reference.md"
 
 CHAPTERS = {
     "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
-    "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View"],
+    "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View", "compare", "Comparison", "Difference"],
     "Tables": ["Table", "Motion", "Pulses", "Forces"],
     "Orbits": ["orbit", "Orbit"],
     "Sweeps": ["sweep"],

@@ -51,7 +51,7 @@ def test_numpy_is_loaded_when_it_is_needed() -> None:
 def test_extras_are_not_loaded_by_the_core() -> None:
     code = (
         "import sys, beadline as bl; [getattr(bl, name) for name in bl.__all__];"
-        "print(*{'pandas', 'polars', 'pyarrow', 'xarray', 'dask', 'zarr', 'h5py', 'matplotlib', 'IPython'} & sys.modules.keys())"
+        "print(*{'pandas', 'polars', 'pyarrow', 'xarray', 'dask', 'zarr', 'h5py', 'matplotlib', 'anywidget', 'IPython'} & sys.modules.keys())"
     )
     assert python(code) == ""
 
@@ -84,6 +84,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         ("h5py", "hdf5", "rec.to_hdf5('run.h5')"),
         ("zarr", "zarr", "rec.to_zarr('run.zarr')"),
         ("matplotlib", "plot", "rec.plot('velocity')"),
+        ("anywidget", "widget", "rec.widget()"),
     ],
 )
 def test_a_missing_extra_is_asked_for_with_the_pip_line(

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     beadline view                          the live runs of this user\n  \
     beadline view run.mcap --open          a recording, in the browser\n  \
-    beadline view run.mcap other.mcap      two recordings, or their difference\n  \
+    beadline view run.mcap other.mcap      two recordings and their difference\n  \
     beadline view results/                 the recordings in a folder, or the points of a sweep\n  \
     ssh -L 8080:localhost:8080 host beadline view --port 8080      on another machine\n\n\
     Only those who know the printed address can see the page, and they see everything: a part of the address is random. \

@@ -58,7 +58,7 @@ fn a_film_goes_through_the_time_in_view() {
     check_by(SCRIPT, &place, "film", ["run.html"]);
 }
 
-/// Two recordings one under the other, and the difference of their states at the same times, whatever their steps.
+/// Two recordings beside each other, and the difference of their states at the same times, whatever their steps.
 #[test]
 fn two_recordings_are_compared_and_subtracted() {
     let place = Place::new();
@@ -69,6 +69,15 @@ fn two_recordings_are_compared_and_subtracted() {
     place.run("view light.mcap live").exits(2).says(&["each is a recording"]);
     place.run("share light.mcap --out light.html").exits(0);
     check_by(SCRIPT, &place, "compare", ["light.mcap", "heavy.mcap", "fine.mcap", "light.html"]);
+}
+
+/// Python and the page in a cell of a notebook move each other.
+#[test]
+fn the_widget_follows_its_model_and_the_pointer() {
+    let place = Place::new();
+    place.run(&format!("{RUN} --duration 0.002 --out run.mcap")).exits(0);
+    place.run("share run.mcap --out run.html").exits(0);
+    check_by(SCRIPT, &place, "widget", ["run.html"]);
 }
 
 /// Density of a bead's velocity and of a contact's force, and linear modes, are those of the commands.

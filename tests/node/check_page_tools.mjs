@@ -6,6 +6,7 @@
 
 import assert from "node:assert/strict";
 import fs from "node:fs";
+import http from "node:http";
 import zlib from "node:zlib";
 
 import { cleanUp, csv, exported, openPage, ready, sameStates, saved, say, shared } from "./browser.mjs";
@@ -209,7 +210,7 @@ const scenarios = {
     say(`${webm.name}: ${webm.bytes.length} bytes, ${width} × ${height}, ${ms} ms; ${zip.name}: ${pictures.length} pictures`);
   },
 
-  /** Side by side, the difference, in the address, with steps of another length, of a shared file with a chosen one. */
+  /** Side by side and the difference below, in the address, with steps of another length, of a shared file with a chosen one. */
   async compare(light, heavy, fine, html) {
     const url = await start("view", light, heavy).line;
     const page = await openPage(url);
@@ -219,7 +220,6 @@ const scenarios = {
       return drawn.includes("light") && drawn.includes(heavy) && drawn;
     });
     await page.click("#tab-compare");
-    await page.click("#compare-difference");
     const subtracted = (one, steps) =>
       one.evaluate(async (all) => {
         const found = [];
@@ -243,7 +243,19 @@ const scenarios = {
     found.forEach(({ a, d }, i) => d.forEach((value, j) => assert.equal(value, a[j] - others[i][j])));
     assert.ok(found[2].d.some((value) => Math.abs(value) > 0.1), "runs that differ");
     assert.ok((await drawnTexts(page)).includes(`light − ${heavy}`));
-    await hashUntil(page, /with=1&difference=1/);
+    await hashUntil(page, /tab=compare&with=1&difference=1/);
+    // both maps beside each other, and the difference below; a click on any of them moves the cursor of all
+    const [map, second, below] = await Promise.all(
+      ["map", "second", "difference"].map((id) => page.locator(`#${id}`).boundingBox()),
+    );
+    assert.deepEqual([second.x, second.y, second.height], [map.x + map.width, map.y, map.height]);
+    assert.deepEqual([below.x, below.y, below.width], [map.x, map.y + map.height, map.width + second.width]);
+    const marks = () => page.evaluate(() => [document.getElementById("readout").dataset.step, window.beadline.view.bead]);
+    for (const { x, y, width, height } of [second, below, map]) {
+      const before = await marks();
+      await page.mouse.click(x + (0.3 + y / 3000) * width, y + (0.5 + x / 9000) * height);
+      await until("another step and bead", async () => (await marks()).every((mark, i) => mark !== before[i]));
+    }
     await page.reload();
     await ready(page);
     await isThere(page);
@@ -267,6 +279,69 @@ const scenarios = {
     assert.ok(left > 0 && left < 2e-5 * most, `${left} of ${most} m/s`);
     say(`${titles.length} texts; with steps of another length ${left.toExponential(1)} m/s of ${most.toFixed(2)} are left`);
     await file.over();
+  },
+
+  /** The widget of the Python package, by the interface of anywidget: a page with a model and the module, as in a notebook. */
+  async widget(html) {
+    const server = http.createServer((_, answer) => answer.end("<!doctype html><link rel=icon href=data:,><div id=cell></div>"));
+    await new Promise((done) => server.listen(0, "127.0.0.1", done));
+    const page = await openPage(`http://127.0.0.1:${server.address().port}/`, { isEmpty: true });
+    const esm = fs.readFileSync(new URL("../../python/beadline/widget.js", import.meta.url), "utf8");
+    const given = { _page: fs.readFileSync(html, "utf8"), step: 700, bead: null, field: "force", window_s: null, height_px: 500 };
+    await page.evaluate(
+      async ([text, values]) => {
+        const listeners = new Map();
+        const all = (event) => listeners.get(event) ?? listeners.set(event, new Set()).get(event);
+        window.saved = [];
+        window.model = {
+          get: (name) => values[name],
+          set: (name, value) => {
+            const isNew = values[name] !== value;
+            values[name] = value;
+            isNew && all(`change:${name}`).forEach((listener) => listener());
+          },
+          save_changes: () => window.saved.push({ ...values, _page: "" }),
+          on: (event, listener) => all(event).add(listener),
+          off: (event, listener) => all(event).delete(listener),
+          count: () => [...listeners.values()].reduce((sum, { size }) => sum + size, 0),
+        };
+        const url = URL.createObjectURL(new Blob([text], { type: "text/javascript" }));
+        const { default: widget } = await import(url);
+        window.end = widget.render({ model: window.model, el: document.getElementById("cell") });
+      },
+      [esm, given],
+    );
+    const frame = await (await page.waitForSelector("iframe")).contentFrame();
+    const view = () => frame.evaluate(() => window.beadline?.view ?? {}).catch(() => ({}));
+    const viewUntil = (what, is) => until(what, async () => is(await view()));
+    // Python moves the page
+    await viewUntil("the view of the model", ({ step, field }) => step === 700 && field === "force");
+    const set = (name, value) => page.evaluate(([key, to]) => window.model.set(key, to), [name, value]);
+    await set("step", 900);
+    await set("bead", 7);
+    await set("field", "displacement");
+    const dt = await frame.evaluate(() => window.beadline.info.manifest.physics.dt_s);
+    await set("window_s", [600 * dt, 1200 * dt]);
+    const isNear = (a, b) => Math.abs(a - b) < 1e-6;
+    await viewUntil("step 900", ({ step, bead, field, steps }) => {
+      return step === 900 && bead === 7 && field === "displacement" && isNear(steps[0], 600) && isNear(steps[1], 1200);
+    });
+    await textUntil(frame, "#readout", /bead 7.*step 900/);
+    assert.deepEqual(await page.evaluate(() => window.saved), [], "no echo of what Python said");
+    // the pointer moves Python
+    const { x, y, width, height } = await frame.locator("#map").boundingBox();
+    await page.mouse.click(x + width / 2, y + height / 2);
+    const saved = await until("a click in the model", () => page.evaluate(() => window.saved.at(-1)));
+    const { step, bead } = await view();
+    assert.deepEqual([saved.step, saved.bead, saved.field], [step, bead, "displacement"]);
+    assert.ok(step !== 900 && bead !== 7);
+    assert.deepEqual(saved.window_s, [600 * dt, 1200 * dt], "a window that nobody moved");
+    await frame.click("#whole");
+    await until("the whole run in the model", () => page.evaluate(() => window.saved.at(-1).window_s === null));
+    await page.evaluate(() => window.end());
+    assert.deepEqual(await page.evaluate(() => [document.querySelector("iframe"), window.model.count()]), [null, 0]);
+    server.close();
+    await page.over();
   },
 
   /** Spectra, modes and forces beside those of the commands. */

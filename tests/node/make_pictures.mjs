@@ -38,6 +38,8 @@ async function picture(name, url, { options = WIDE, colorScheme = "light", act =
   await page.goto(url);
   await act(page);
   await page.waitForTimeout(4000);
+  await page.waitForFunction(() => !document.querySelector(".busy"), undefined, { timeout: 120_000 });
+  await page.waitForTimeout(500);
   await page.screenshot({ path: path.join(out, `${name}.png`) });
   await context.close();
 }
@@ -58,6 +60,11 @@ await picture("changed", `${shared}#tab=change&at=45000`, {
     await page.waitForTimeout(6000);
   },
 });
+
+run("run", "--preset", "light-impurity", "--impurity", "500=0.9e-3", "--name", "heavier", "--out", "heavier.mcap");
+const pair = await view("light-impurity.mcap", "heavier.mcap");
+await picture("pair", `${pair.url}#at=45000&tab=compare`);
+pair.child.kill();
 
 fs.mkdirSync(path.join(place, "runs"));
 for (const preset of ["dimer", "precompressed", "striker-10g", "tapered", "walls"]) {
