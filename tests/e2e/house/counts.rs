@@ -5,12 +5,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
-pub(super) const BUDGETS: [(&str, usize); 22] = [
+pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("the command", 14_370),
     ("schemas", 9_190),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
+    ("schemas/system", 150),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 8_060),
