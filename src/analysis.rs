@@ -30,7 +30,7 @@ use source::{Named, Source, SourceError};
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An open source and what goes with it.
 pub(crate) struct Session<'a> {
@@ -108,6 +108,11 @@ impl<'a> Session<'a> {
     /// The steps that are looked at.
     pub(crate) fn steps(&self) -> RangeInclusive<u64> {
         self.window.steps(self.manifest())
+    }
+
+    /// True if the user has asked for an end.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// A publisher of the results of an analysis, if the source is live and nobody else publishes them.

@@ -5,6 +5,7 @@ mod check;
 mod contents;
 mod export;
 mod figures;
+mod film;
 mod orbit;
 mod pages;
 mod recordings;
@@ -19,6 +20,7 @@ pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, subjects};
+pub(crate) use film::FilmArgs;
 pub(crate) use orbit::OrbitArgs;
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{
@@ -103,6 +105,8 @@ pub(crate) enum Command {
     },
     /// Draw one figure: what the chain does at one time, over space and time, or what a sweep has found
     Plot(PlotArgs),
+    /// Make a film of a recording: the map, the chain at one moment after the other, the energies
+    Film(FilmArgs),
     /// Show a live run, a recording, a folder or a sweep in a browser
     View(ViewArgs),
     /// Make one HTML file of a recording that anyone can open, with every step in it

@@ -2,6 +2,8 @@
 
 use crate::display;
 use crate::failure::{Done, Failure};
+use source::Named;
+use std::path::PathBuf;
 
 pub(crate) mod analyse;
 pub(crate) mod analyses;
@@ -9,6 +11,7 @@ pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod export;
+pub(crate) mod film;
 pub(crate) mod info;
 pub(crate) mod ls;
 pub(crate) mod manual;
@@ -39,4 +42,14 @@ pub(crate) fn print_example(kind: &str, examples: &[(&str, &str)], asked: &str) 
     };
     display::print(schema::line(kind) + text)?;
     Ok(Done::Whole)
+}
+
+/// The recording that is named. A live run cannot be `done`, such as exported.
+pub(crate) fn recording_of(source: &Named, done: &str) -> Result<PathBuf, Failure> {
+    match source {
+        Named::File(path) => Ok(path.clone()),
+        Named::Live(_) => Err(bad_input!(
+            "{source}: a live run cannot be {done}; `beadline record {source} --out FILE.mcap` makes a recording of it"
+        )),
+    }
 }

@@ -139,6 +139,7 @@ fn dispatch(command: Command) -> Result<Done, Failure> {
         Command::Schema { kind } => commands::schema::print(&kind),
         Command::Analyses { json } => commands::analyses::list(json),
         Command::Plot(args) => commands::plot::plot(&args),
+        Command::Film(args) => commands::film::film(&args),
         Command::View(args) => commands::view::view(&args),
         Command::Share(args) => commands::share::share(&args),
         Command::Orbit(args) => commands::orbit::orbit(&args),

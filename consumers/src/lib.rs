@@ -12,6 +12,7 @@ pub mod determination;
 pub mod energies;
 pub mod fields;
 pub mod follow;
+pub mod footage;
 pub mod impurity;
 pub mod journal;
 pub mod local_energy;

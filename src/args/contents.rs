@@ -11,7 +11,7 @@ const CONTENTS: [(&str, &[&str]); 7] = [
     ("Begin", &["demo"]),
     ("Simulate", &["run", "check", "presets", "preset", "sweep", "orbit", "schema"]),
     (ANALYSE, &["plot", "analyses"]),
-    ("Look", &["view", "share", "top", "ls"]),
+    ("Look", &["view", "film", "share", "top", "ls"]),
     (
         "Record, prove, share",
         &[

@@ -95,6 +95,20 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     if allowed { Ok(seconds) } else { Err("expected a positive number of seconds, at most 1e9".to_owned()) }
 }
 
+pub(super) fn parse_film_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && *seconds <= 120.0);
+    seconds.ok_or_else(|| "expected a length in seconds, above 0 and at most 120".to_owned())
+}
+
+/// `1280x720`: some encoders take only even numbers.
+pub(super) fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| {
+        text.parse().ok().filter(|side: &u32| (240..=4096).contains(side) && side.is_multiple_of(2))
+    };
+    let sides = text.split_once('x').and_then(|(width, height)| side(width).zip(side(height)));
+    sides.ok_or_else(|| "expected WxH, two even numbers from 240 to 4096, such as 1280x720".to_owned())
+}
+
 pub(super) fn parse_tolerance(text: &str) -> Result<f64, String> {
     let tolerance = text.parse().ok().filter(|tolerance: &f64| (1e-15..=0.1).contains(tolerance));
     tolerance.ok_or_else(|| "expected a number from 1e-15 to 0.1".to_owned())

@@ -15,7 +15,7 @@ use exports::{Excerpt, Export, ExportError, Format};
 use producer::resimulation::Lend;
 use schemas::frame::{EndReason, Frame, FrameSource, Window};
 use serde_json::json;
-use source::{Named, Source};
+use source::Source;
 use std::num::NonZero;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ impl FrameObserver for Exporting {
 
 pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let format = format(args)?;
-    let from = recording(args)?;
+    let from = super::recording_of(&args.file, "exported")?;
     check_place(&args.out, Some(&from), args.force)?;
     let stop = signals::bounded_stop_flag()?;
     let (mut frames, window) = open(args, &from, &stop)?;
@@ -90,18 +90,6 @@ fn format(args: &ExportArgs) -> Result<Format, Failure> {
     named.ok_or_else(|| {
         bad_input!("{}: its name does not say which format; use --to with one of {names}", args.out.display())
     })
-}
-
-/// The recording that is named.
-fn recording(args: &ExportArgs) -> Result<PathBuf, Failure> {
-    match &args.file {
-        Named::File(path) => Ok(path.clone()),
-        Named::Live(_) => Err(bad_input!(
-            "{}: a live run cannot be exported; `beadline record {} --out FILE.mcap` makes a recording of it",
-            args.file,
-            args.file
-        )),
-    }
 }
 
 /// The states that are asked for, and more.

@@ -15,6 +15,7 @@ use consumers::fields::Field;
 use consumers::follow::{FrameObserver, Tally};
 use consumers::space_time::{Extent, Picture, singles};
 use plots::ColourSteps;
+use schemas::beads::Beads;
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, Frame, HeldFrame, Window};
 use schemas::manifest::RunManifest;
@@ -105,8 +106,12 @@ fn figure_alone(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
 }
 
 /// The beads or contacts that are drawn.
-fn places(args: &PlotArgs, field: Field, manifest: &RunManifest) -> Result<Range<usize>, Failure> {
-    let beads = check_beads(manifest, args.beads)?;
+pub(super) fn places(
+    asked: Option<Beads>,
+    field: Field,
+    manifest: &RunManifest,
+) -> Result<Range<usize>, Failure> {
+    let beads = check_beads(manifest, asked)?;
     match field {
         Field::Velocity | Field::Displacement | Field::Energy => Ok(beads),
         Field::Overlap if beads.len() > 1 => Ok(beads.start..beads.end - 1),
@@ -178,7 +183,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
         Ok(Window { from_s: time_s, until_s: time_s })
     })?;
     let manifest = session.manifest().clone();
-    let places = places(args, field, &manifest)?;
+    let places = places(args.beads, field, &manifest)?;
     let mut waiting = Waiting::default();
     let tally = session.follow(&mut waiting)?;
     let step = *session.steps().start();
@@ -224,14 +229,10 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
     let part = |manifest: &_| window(frames.from, frames.until, manifest);
     let mut session = Session::of_part(frames, "plot", std::slice::from_ref(out), part)?;
     let manifest = session.manifest().clone();
-    let extent = Extent { places: places(args, field, &manifest)?, steps: session.steps() };
+    let extent = Extent { places: places(args.beads, field, &manifest)?, steps: session.steps() };
     let mut map = Map { field, chain: manifest.physics.chain(), picture: Picture::new(extent) };
     let tally = session.follow(&mut map)?;
-    let steps = match args.colours {
-        None => ColourSteps::Fitting,
-        Some(ColoursArg::Log) => ColourSteps::Log,
-        Some(ColoursArg::Linear) => ColourSteps::Linear,
-    };
+    let steps = steps_of(args.colours);
     let range = args.range.map(|range| [range.from, range.to]);
     plots::space_time(&manifest, field, &map.picture, steps, range)?.write(
         out,
@@ -248,6 +249,15 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
         "unit": field.unit(),
     });
     session.report(&tally, field.as_str(), rows, results)
+}
+
+/// The scale of colours that is asked for.
+pub(super) fn steps_of(asked: Option<ColoursArg>) -> ColourSteps {
+    match asked {
+        None => ColourSteps::Fitting,
+        Some(ColoursArg::Log) => ColourSteps::Log,
+        Some(ColoursArg::Linear) => ColourSteps::Linear,
+    }
 }
 
 /// A quantity over space and time, as it comes.

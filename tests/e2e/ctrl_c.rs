@@ -25,7 +25,7 @@ use At::{Bare, Wait, Work};
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
 /// steps, `loaded.mcap` a chain whose modes take long, `slow.toml` an orbit of many steps, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 50] = [
+const LONG: [(&str, At, &[&str]); 51] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -37,6 +37,7 @@ const LONG: [(&str, At, &[&str]); 50] = [
     ("plot long.mcap --what velocity --fill-gaps --out map.png", Work, &[]),
     ("plot long.mcap --what velocity --at 1000 --out profile.png", Work, &["profile.png"]),
     ("plot long.mcap --what velocity --at 1000 --jobs 1 --out profile.png", Work, &["profile.png"]),
+    ("film long.mcap --out film.gif", Work, &["film.gif"]),
     ("energies long.mcap --every-step", Work, &[]),
     ("energies long.mcap --every-step --jobs 1", Work, &[]),
     ("energies long.mcap --fill-gaps --from 1000", Work, &[]),

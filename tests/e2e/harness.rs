@@ -274,6 +274,16 @@ pub(crate) fn package_python() -> Option<PathBuf> {
     Some(package)
 }
 
+/// The directory of the ffmpeg of `tests/setup`, or none.
+pub(crate) fn ffmpeg_directory() -> Option<PathBuf> {
+    let directory = python()?.parent()?.to_owned();
+    if !directory.join("ffmpeg").exists() {
+        skip("there is no ffmpeg beside BEADLINE_CHECK_PYTHON, as `tests/setup` puts it there");
+        return None;
+    }
+    Some(directory)
+}
+
 /// The Node.js of `tests/setup`, or none.
 pub(crate) fn node() -> Option<PathBuf> {
     python().map(|python| python.with_file_name("node"))

@@ -21,6 +21,7 @@ mod ensemble_physics;
 mod ensembles;
 mod export;
 mod faults;
+mod film;
 mod golden;
 mod guide;
 mod harness;

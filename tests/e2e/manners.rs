@@ -113,6 +113,7 @@ fn wrong_flags_are_refused_in_plain_words() {
         ("spectrum run.mcap --at bead:1", "at segment max-frequency"),
         ("modes --preset precompressed --shapes", "mode"),
         ("plot run.mcap --what velocity", "at frame beads colours"),
+        ("film run.mcap --out f.gif", "seconds size field from until beads colours range jobs"),
         ("record --out r.mcap", "split-size split-duration min-free record-every-steps flush-period timeout"),
         ("replay run.mcap", "rate from until wait-for stall-timeout name"),
         ("thin run.mcap --out t.mcap", "every-steps jobs"),

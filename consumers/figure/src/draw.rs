@@ -1,7 +1,7 @@
 //! Draws a figure that is laid out.
 
 use super::layout::{LEADING, Layout, Look, Placed};
-use super::panel::{Along, Curve, Reference};
+use super::panel::{Along, Curve, Panel, Reference};
 use super::path::Step;
 use super::raster::{Cells, Raster};
 use super::sheet::{Anchor, Element, Pen, Rect, Sheet};
@@ -23,8 +23,12 @@ const CAPTION: Colour = Colour::Rgb(0x6e, 0x6e, 0x6e);
 
 /// The figure on a sheet; with `dots_per_point`, fitted to the dots of a device.
 pub(super) fn document(figure: &Figure, size: Size, dots_per_point: Option<f64>) -> Sheet {
-    let layout = Layout::new(figure, size, dots_per_point);
-    let curves: usize = figure.panels.iter().map(|panel| panel.curves.len()).sum();
+    document_of(&Layout::new(figure, size, dots_per_point), dots_per_point)
+}
+
+/// The same of a figure that is laid out.
+pub(super) fn document_of(layout: &Layout<'_>, dots_per_point: Option<f64>) -> Sheet {
+    let curves: usize = layout.panels.iter().map(|placed| placed.panel.curves.len()).sum();
     let mut sheet = Sheet { width: layout.look.width, height: layout.height, ..Sheet::default() };
     for placed in &layout.panels {
         let mut drawing = Drawing {
@@ -44,6 +48,17 @@ pub(super) fn document(figure: &Figure, size: Size, dots_per_point: Option<f64>)
     sheet
 }
 
+/// Contents of other panels in the places of the panels of `layout`, one after the other.
+pub(super) fn over(layout: &Layout<'_>, panels: &[Panel]) -> Sheet {
+    let mut sheet = Sheet::default();
+    for (placed, panel) in layout.panels.iter().zip(panels) {
+        let mut drawing = Drawing { sheet: &mut sheet, look: &layout.look, placed, curve_bytes: CURVE_BYTES };
+        drawing.contents(panel, None);
+        legend::draw_title(&mut sheet, &panel.title, placed.frame, &layout.look);
+    }
+    sheet
+}
+
 struct Drawing<'a> {
     sheet: &'a mut Sheet,
     look: &'a Look,
@@ -55,32 +70,39 @@ impl Drawing<'_> {
     fn panel(&mut self, dots_per_point: Option<f64>) {
         let placed = self.placed;
         legend::draw(self.sheet, &placed.legend, placed.frame, self.look);
-        self.sheet.elements.push(Element::Clip(placed.frame));
-        for band in placed.panel.references.iter().filter(|item| !item.is_line()) {
-            self.band(band);
-        }
-        if let Some(raster) = &placed.panel.raster {
-            self.raster(raster, dots_per_point);
-        }
-        for line in placed.panel.references.iter().filter(|item| item.is_line()) {
-            self.reference_line(line);
-        }
-        for (curve, ink) in placed.panel.curves.iter().zip(placed.panel.inks()) {
-            for band in &curve.bands {
-                self.curve_band(band, ink.colour);
-            }
-        }
-        let mut drawn = Vec::new();
-        for (curve, ink) in placed.panel.curves.iter().zip(placed.panel.inks()) {
-            drawn.extend(self.curve(curve, ink));
-        }
-        self.sheet.elements.push(Element::EndClip);
+        legend::draw_title(self.sheet, &placed.panel.title, placed.frame, self.look);
+        let drawn = self.contents(placed.panel, dots_per_point);
         self.x_axis();
         self.y_axis();
         self.colour_bar(dots_per_point);
         let pen = Pen::solid(INK, self.look.frame);
         self.sheet.outline(placed.frame, pen);
         note::draw(self.sheet, &placed.panel.note, placed.frame, &drawn, self.look);
+    }
+
+    /// Draws bands, raster, lines and curves of `panel` within the axes; gives back the places that the curves pass.
+    fn contents(&mut self, panel: &Panel, dots_per_point: Option<f64>) -> Vec<Vec<(f64, f64)>> {
+        self.sheet.elements.push(Element::Clip(self.placed.frame));
+        for band in panel.references.iter().filter(|item| !item.is_line()) {
+            self.band(band);
+        }
+        if let Some(raster) = &panel.raster {
+            self.raster(raster, dots_per_point);
+        }
+        for line in panel.references.iter().filter(|item| item.is_line()) {
+            self.reference_line(line);
+        }
+        for (curve, ink) in panel.curves.iter().zip(panel.inks()) {
+            for band in &curve.bands {
+                self.curve_band(band, ink.colour);
+            }
+        }
+        let mut drawn = Vec::new();
+        for (curve, ink) in panel.curves.iter().zip(panel.inks()) {
+            drawn.extend(self.curve(curve, ink));
+        }
+        self.sheet.elements.push(Element::EndClip);
+        drawn
     }
 
     fn x(&self, value: f64) -> Option<f64> {
@@ -329,7 +351,7 @@ fn line_path(places: &[(f64, f64)]) -> impl Iterator<Item = Step> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Axis, Options, Panel, picture};
+    use crate::{Axis, Options, picture};
 
     const RED: Colour = Colour::Rgb(255, 0, 0);
     const GREEN: Colour = Colour::Rgb(0, 255, 0);

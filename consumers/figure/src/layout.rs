@@ -83,6 +83,20 @@ impl Look {
                 stacked: 0.2,
                 raster: 0.4,
             },
+            Size::Screen { width, height, text } => {
+                let text = f64::from(text);
+                Self {
+                    width: width.into(),
+                    height: height.into(),
+                    label: text,
+                    number: 0.9 * text,
+                    caption: 0.72 * text,
+                    line: 0.11 * text,
+                    frame: 0.06 * text,
+                    mark: 0.27 * text,
+                    ..Self::of(Size::Slide)
+                }
+            }
         }
     }
 
@@ -146,6 +160,14 @@ pub(super) struct Placed<'a> {
     pub(super) frame: Rect,
     /// Distance from the axes leftwards to the baseline of the y label's last line: the same for all panels.
     pub(super) y_label_distance: f64,
+}
+
+impl Placed<'_> {
+    /// Height of legend and title above the axes.
+    pub(super) fn head_height(&self, look: &Look) -> f64 {
+        let rows = self.legend.len().max(usize::from(!self.panel.title.is_empty()));
+        legend::height(rows, look.label)
+    }
 }
 
 /// A colour bar with its text.
@@ -250,7 +272,7 @@ impl<'a> Layout<'a> {
             if index > 0 {
                 y += 0.7 * look.label;
             }
-            y += legend::height(&placed.legend, look.label);
+            y += placed.head_height(&look);
             let bottom = snap(y + placed.frame.height);
             let right = snap(placed.frame.right());
             placed.frame.y = snap(y);

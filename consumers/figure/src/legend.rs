@@ -81,17 +81,14 @@ pub(super) fn rows(panel: &Panel, size: f64, limit: f64) -> Vec<Row> {
 }
 
 /// Height that the rows take above the axes.
-pub(super) fn height(rows: &[Row], size: f64) -> f64 {
-    if rows.is_empty() {
-        return 0.0;
-    }
-    (rows.len() as f64 * LEADING + 0.25) * size
+pub(super) fn height(rows: usize, size: f64) -> f64 {
+    if rows == 0 { 0.0 } else { (rows as f64 * LEADING + 0.25) * size }
 }
 
 /// Draws the rows above `frame`.
 pub(super) fn draw(sheet: &mut Sheet, rows: &[Row], frame: Rect, look: &Look) {
     let size = look.label;
-    let top = frame.y - height(rows, size);
+    let top = frame.y - height(rows.len(), size);
     for (index, row) in rows.iter().enumerate() {
         let middle = top + (index as f64 + 0.5) * LEADING * size;
         for entry in row {
@@ -102,6 +99,14 @@ pub(super) fn draw(sheet: &mut Sheet, rows: &[Row], frame: Rect, look: &Look) {
             sheet.text(place, Anchor::Start, (size, Colour::Black), &entry.name);
         }
     }
+}
+
+/// Draws a title above the right end of `frame`, on the last row of the legend.
+pub(super) fn draw_title(sheet: &mut Sheet, title: &str, frame: Rect, look: &Look) {
+    let size = look.label;
+    let middle = frame.y - height(1, size) + 0.5 * LEADING * size;
+    let place = (frame.right(), middle + 0.5 * CAP_HEIGHT * size);
+    sheet.text(place, Anchor::End, (size, Colour::Black), title);
 }
 
 fn draw_swatch(sheet: &mut Sheet, swatch: Swatch, (x, middle): (f64, f64), look: &Look) {

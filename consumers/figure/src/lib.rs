@@ -50,7 +50,9 @@ mod path;
 mod pdf;
 mod picture;
 mod raster;
+mod reel;
 mod scale;
+mod scene;
 mod sheet;
 mod style;
 mod svg;
@@ -64,6 +66,8 @@ pub use axis::Axis;
 pub use colour_scale::{ColourScale, diverging, diverging_on_dark};
 pub use panel::{Curve, Panel};
 pub use raster::Raster;
+pub use reel::{Apng, Gif};
+pub use scene::{Column, Dots, Scene};
 pub use style::{Colour, Mark, Stroke};
 
 /// One picture: panels from top to bottom with their axes aligned, and a caption line under them.
@@ -85,6 +89,15 @@ pub enum Size {
     Page,
     /// A slide in 16:9, 254 mm × 142.9 mm; higher only where panels would become unreadably low.
     Slide,
+    /// A part of a screen, in dots; at 72 dots per inch one is a point.
+    Screen {
+        /// Its width.
+        width: u32,
+        /// Its height; more only where panels would become unreadably low.
+        height: u32,
+        /// Size of the font of labels.
+        text: u32,
+    },
 }
 
 /// Options for writing a figure.
@@ -103,7 +116,12 @@ impl Options {
     /// A figure of this size at the resolution that suits it: 300 dpi for print, and for a slide 192, which makes
     /// it 1920 × 1080 dots.
     pub fn of(size: Size) -> Self {
-        Self { size, dpi: if size == Size::Slide { 192.0 } else { 300.0 } }
+        let dpi = match size {
+            Size::Column | Size::Page => 300.0,
+            Size::Slide => 192.0,
+            Size::Screen { .. } => 72.0,
+        };
+        Self { size, dpi }
     }
 }
 

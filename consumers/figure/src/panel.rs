@@ -110,6 +110,7 @@ pub struct Panel {
     pub(super) references: Vec<Reference>,
     pub(super) raster: Option<Raster>,
     pub(super) note: String,
+    pub(super) title: String,
     pub(super) height: f64,
 }
 
@@ -129,6 +130,7 @@ impl Panel {
             references: Vec::new(),
             raster: None,
             note: String::new(),
+            title: String::new(),
             height: 1.0,
         }
     }
@@ -195,6 +197,12 @@ impl Panel {
     /// Sets a short text inside the axes, in the corner where it hides least; `\n` breaks lines.
     pub fn note(mut self, text: impl Into<String>) -> Self {
         self.note = text.into();
+        self
+    }
+
+    /// Sets a text above the right end of the axes; a space keeps the row free for it.
+    pub fn title(mut self, text: impl Into<String>) -> Self {
+        self.title = text.into();
         self
     }
 

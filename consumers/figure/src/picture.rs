@@ -20,15 +20,32 @@ pub(super) fn failed(reason: impl std::fmt::Display) -> FigureError {
 
 /// Renders a sheet.
 pub(super) fn png(sheet: &Sheet, dpi: f64) -> Result<Vec<u8>, FigureError> {
-    let no_room = || failed("no room for the pixels");
     let dots = |length: f64| (length * dpi / 72.0).round().max(1.0);
     // a sheet of paper at 2400 dpi at most
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     let (width, height) = (dots(sheet.width) as u32, dots(sheet.height) as u32);
+    let mut pixels = paper(width, height)?;
+    #[expect(clippy::cast_possible_truncation, reason = "f32 holds it well enough")]
+    draw(sheet, &mut pixels, Transform::from_scale((dpi / 72.0) as f32, (dpi / 72.0) as f32))?;
+    let colours = pixels.pixels().iter();
+    let rgb: Vec<u8> = colours.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
+    encode_below(LARGEST_FILE, (width, height), &rgb, dpi)
+}
+
+/// White dots.
+pub(super) fn paper(width: u32, height: u32) -> Result<Pixmap, FigureError> {
     let mut pixels = Pixmap::new(width, height).ok_or_else(no_room)?;
     pixels.fill(Color::WHITE);
-    #[expect(clippy::cast_possible_truncation, reason = "f32 holds it well enough")]
-    let to_dots = Transform::from_scale((dpi / 72.0) as f32, (dpi / 72.0) as f32);
+    Ok(pixels)
+}
+
+fn no_room() -> FigureError {
+    failed("no room for the pixels")
+}
+
+/// Draws a sheet over the dots that are there.
+pub(super) fn draw(sheet: &Sheet, pixels: &mut Pixmap, to_dots: Transform) -> Result<(), FigureError> {
+    let (width, height) = (pixels.width(), pixels.height());
     let font = FontRef::new(text::FONT).map_err(failed)?;
     let mut canvas = Canvas { pixels, to_dots, clip: None, font };
     for element in &sheet.elements {
@@ -46,20 +63,18 @@ pub(super) fn png(sheet: &Sheet, dpi: f64) -> Result<Vec<u8>, FigureError> {
             Element::EndClip => canvas.clip = None,
         }
     }
-    let colours = canvas.pixels.pixels().iter();
-    let rgb: Vec<u8> = colours.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
-    encode_below(LARGEST_FILE, (width, height), &rgb, dpi)
+    Ok(())
 }
 
 /// The dots of a sheet in the making.
-struct Canvas {
-    pixels: Pixmap,
+struct Canvas<'a> {
+    pixels: &'a mut Pixmap,
     to_dots: Transform,
     clip: Option<Mask>,
     font: FontRef<'static>,
 }
 
-impl Canvas {
+impl Canvas<'_> {
     fn shape(&mut self, shape: &Shape) {
         let Some(path) = shape.outline.path() else { return };
         if let Some((colour, opacity)) = shape.fill {

@@ -65,12 +65,12 @@ fn is_marked(places: &Range<usize>) -> bool {
     places.len() <= 60
 }
 
-fn marked(curve: Curve, places: &Range<usize>) -> Curve {
+pub(super) fn marked(curve: Curve, places: &Range<usize>) -> Curve {
     if is_marked(places) { curve.mark(Mark::Circle) } else { curve }
 }
 
 /// Axis from the first place to the last, with room for their marks.
-fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
+pub(super) fn profile_axis(field: Field, places: &Range<usize>) -> Axis {
     let room = if is_marked(places) { 0.5 } else { 0.0 };
     Axis::new(field.place()).limits(places.start as f64 - room, places.end as f64 - 1.0 + room)
 }
@@ -106,7 +106,7 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
 }
 
 /// Vertical lines at the impurities; between the contacts of one. Of several panels the first names them.
-fn mark_impurities(
+pub(super) fn mark_impurities(
     panel: Panel,
     manifest: &RunManifest,
     field: Field,
@@ -206,10 +206,7 @@ fn map_within(
     steps: ColourSteps,
     [low, high]: [f64; 2],
 ) -> Result<Panel, FigureError> {
-    let (mut label, factor) = label(field, high.max(-low));
-    if is_loaded(manifest, field) {
-        label = label.replace("overlap", "overlap beyond rest");
-    }
+    let (label, factor) = label_beyond_rest(manifest, field, high.max(-low));
     #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
     let [single, low_shown, high_shown] = [factor, low * factor, high * factor].map(|value| value as f32);
     let shown = |value: f32| {
@@ -266,6 +263,14 @@ fn label(field: Field, largest: f64) -> (String, f64) {
     }
 }
 
+/// The same for differences from the values at rest.
+pub(super) fn label_beyond_rest(manifest: &RunManifest, field: Field, largest: f64) -> (String, f64) {
+    let (label, factor) = label(field, largest);
+    let label =
+        if is_loaded(manifest, field) { label.replace("overlap", "overlap beyond rest") } else { label };
+    (label, factor)
+}
+
 /// Range of the values that is shown. Displacements lose a fiftieth at either end, since the struck end of a chain
 /// flies off, and the rest would be a flat line beside it. No gap wider than the largest overlap is shown, if there is an
 /// overlap.
@@ -282,7 +287,7 @@ fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
 }
 
 /// This range with some room on both sides.
-fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
+pub(super) fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
     let [low, high] = bulk(field, values);
     let room = 0.15 * (high - low);
     [low - room, high + room]

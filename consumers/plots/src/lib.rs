@@ -3,6 +3,7 @@
 mod deformation;
 mod determination;
 mod fields;
+mod film;
 mod pulses;
 mod tables;
 mod waves;
@@ -14,6 +15,7 @@ pub use self::waves::{
 pub use deformation::deformations;
 pub use determination::determination;
 pub use fields::{ColourSteps, profile, profiles, space_time};
+pub use film::Film;
 pub use pulses::pulses;
 pub use tables::{
     Band, HeatMap, TableCurve, TableFigure, TableFit, TablePanel, TablePoint, column_label, heat_map,
@@ -152,6 +154,12 @@ pub fn columns_over_time<'a>(
     panels.fold(Figure::new().shared_x().caption(caption(manifest)), Figure::panel)
 }
 
+/// Names and columns of the energies left of, in and right of the split bead.
+fn parts(split_bead: u64) -> [(String, &'static str); 3] {
+    let of = |place: &str| format!("{place}bead {split_bead}");
+    [(of("left of "), "left_j"), (of(""), "split_j"), (of("right of "), "right_j")]
+}
+
 /// The energies left of, in and right of the split bead, what of them may still cross it, and the drift of
 /// their sum. Where something is reflected, also when the pulse arrived and since when that is stationary.
 pub fn energies(
@@ -164,11 +172,8 @@ pub fn energies(
         energy_curve(rows, column).map(move |(t, value)| (t * 1e3, value * factor))
     };
     let panel = || Panel::new().x_axis("time (ms)");
-    let parts = panel()
-        .y_axis("energy (mJ)")
-        .line(format!("left of bead {split_bead}"), curve("left_j", 1e3))
-        .line(format!("bead {split_bead}"), curve("split_j", 1e3))
-        .line(format!("right of bead {split_bead}"), curve("right_j", 1e3));
+    let of_part = |panel: Panel, (name, column)| panel.line(name, curve(column, 1e3));
+    let parts = parts(split_bead).into_iter().fold(panel().y_axis("energy (mJ)"), of_part);
     let drift = panel()
         .y_axis("(E−E_{0})/E_{0}")
         .curve(Curve::line("", curve("relative_drift", 1.0)).colour(Colour::Black))

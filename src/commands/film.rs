@@ -1,0 +1,186 @@
+//! `beadline film`: a recording as a film.
+
+mod reel;
+
+use super::plot::{places, steps_of};
+use crate::analysis::{AnalysisError, Session, window};
+use crate::args::{FilmArgs, FramesArgs};
+use crate::display::{self, bytes, count, counted};
+use crate::failure::{BadInput as _, Done, Failure};
+use crate::outputs::check_place;
+use crate::progress::Progress;
+use crate::report::Rows;
+use anyhow::anyhow;
+use consumers::follow::{FrameObserver, Tally};
+use consumers::footage::{Footage, Shot};
+use consumers::space_time::Extent;
+use figure::{Dots, FigureError, Scene};
+use plots::Film;
+use reel::{Form, Reel};
+use schemas::frame::{EndReason, Frame};
+use serde_json::json;
+use std::num::NonZero;
+use std::thread;
+
+/// Pictures a second, as of the page.
+const PER_SECOND: u16 = 25;
+
+/// The frames of a run on their way into a film.
+struct Filming(Footage);
+
+impl FrameObserver for Filming {
+    type Error = AnalysisError;
+
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
+        self.0.observe(frame);
+        Ok(())
+    }
+
+    fn gap(&mut self) {
+        self.0.gap();
+    }
+}
+
+pub(crate) fn film(args: &FilmArgs) -> Result<Done, Failure> {
+    let form = Form::of(&args.out)?;
+    let from = super::recording_of(&args.source, "filmed")?;
+    check_place(&args.out, Some(&from), args.force)?;
+    form.check()?;
+    let mut frames = frames(args);
+    let mut session = open(&frames)?;
+    let steps = session.steps();
+    let manifest = session.manifest().clone();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most two minutes")]
+    let wanted = ((args.seconds * f64::from(PER_SECOND)).round() as u64).max(1);
+    let there = manifest.frame_at(*steps.end()) - manifest.frame_at(*steps.start()) + 1;
+    if there < wanted && !frames.every_step {
+        frames.every_step = true;
+        session = open(&frames)?;
+    }
+    let extent = Extent { places: places(args.beads, args.field, &manifest)?, steps };
+    let footage = Footage::new(&manifest, args.field, extent, wanted, frames.every_step);
+    let mut filming = Filming(footage);
+    let tally = session.follow(&mut filming)?;
+    let Filming(mut footage) = filming;
+    footage.end();
+    if tally.end == EndReason::Stopped {
+        return Err(stopped());
+    }
+    if footage.shots.is_empty() {
+        return Err(bad_input!(
+            "{}: there is no frame in this part of the recording; choose another one",
+            args.source
+        ));
+    }
+    let film = Film::new(&manifest, &footage);
+    let range = args.range.map(|range| [range.from, range.to]);
+    let (width, height) = args.size;
+    // beside each other, map and curves are as wide as high
+    let columns = film.columns(4 * width >= 5 * height, steps_of(args.colours), range)?;
+    let scene = Scene::new(args.size, &columns)?;
+    shoot(args, form, &session, &scene, &film, &footage.shots)?;
+    tell(args, &session, &tally, &footage.shots)
+}
+
+/// The frames that a film is made of: those of the run, whether they were recorded or not.
+fn frames(args: &FilmArgs) -> FramesArgs {
+    FramesArgs {
+        source: args.source.clone(),
+        latest: false,
+        from_start: false,
+        fill_gaps: true,
+        every_step: args.every_step,
+        from: args.from,
+        until: args.until,
+        jobs: args.jobs,
+        timeout: None,
+        force: args.force,
+        json: args.json,
+    }
+}
+
+fn open(frames: &FramesArgs) -> Result<Session<'_>, Failure> {
+    Session::of_part(frames, "film", &[], |manifest| window(frames.from, frames.until, manifest))
+}
+
+fn stopped() -> Failure {
+    Failure::Stopped(anyhow!("stopped: nothing was written"))
+}
+
+/// Draws the pictures, as many at a time as there are threads, and writes them in their order.
+fn shoot(
+    args: &FilmArgs,
+    form: Form,
+    session: &Session<'_>,
+    scene: &Scene<'_>,
+    film: &Film<'_>,
+    shots: &[Shot],
+) -> Result<(), Failure> {
+    let draw = |shot: &Shot| scene.picture(&film.moment(shot));
+    // the last picture has all curves, and colours as the others have them
+    let sample = shots.last().map(draw).transpose()?.ok_or_else(stopped)?;
+    let mut reel = Reel::begin(form, args, shots.len(), &sample)?;
+    let jobs = args.jobs.unwrap_or_else(|| thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN));
+    let mut progress = Progress::new(shots.len() as u64, "drawing");
+    let mut done = 0;
+    for batch in shots.chunks(jobs.get()) {
+        for picture in drawn(batch, &draw) {
+            if session.is_stopped() {
+                return Err(stopped());
+            }
+            reel.push(picture?)?;
+            done += 1;
+            progress.at(done);
+        }
+    }
+    progress.finish();
+    reel.finish()
+}
+
+/// The pictures of some shots, each drawn by a thread of its own where the system grants one.
+fn drawn(
+    shots: &[Shot],
+    draw: &(impl Fn(&Shot) -> Result<Dots, FigureError> + Sync),
+) -> Vec<Result<Dots, FigureError>> {
+    thread::scope(|scope| {
+        let started: Vec<_> = shots
+            .iter()
+            .map(|shot| (shot, thread::Builder::new().spawn_scoped(scope, move || draw(shot)).ok()))
+            .collect();
+        // a thread that panics has a mistake of ours, which the second attempt shows
+        started
+            .into_iter()
+            .map(|(shot, thread)| thread.and_then(|it| it.join().ok()).unwrap_or_else(|| draw(shot)))
+            .collect()
+    })
+}
+
+/// Prints the summary and says whether anything is missing.
+fn tell(args: &FilmArgs, session: &Session<'_>, tally: &Tally, shots: &[Shot]) -> Result<Done, Failure> {
+    let pictures = shots.len() as u64;
+    let length_s = pictures as f64 / f64::from(PER_SECOND);
+    let size = args.out.metadata().bad_input()?.len();
+    let (width, height) = args.size;
+    let ends = shots.first().zip(shots.last());
+    let ends = ends.map(|(first, last)| ([first.time_s, last.time_s], [first.step, last.step]));
+    let (times_s, steps) = ends.unwrap_or_default();
+    let mut rows = Rows::default();
+    rows.add(
+        "pictures",
+        format_args!("{}, {} × {}", counted(pictures, "picture"), count(width.into()), count(height.into())),
+    );
+    rows.add("shows", display::range(times_s, "s"));
+    rows.add("film", format_args!("{}, {}, {}", args.out.display(), display::seconds(length_s), bytes(size)));
+    let results = json!({
+        "what": args.field.as_str(),
+        "film": args.out,
+        "bytes": size,
+        "pictures": pictures,
+        "seconds": length_s,
+        "width": width,
+        "height": height,
+        "first_step": steps[0],
+        "last_step": steps[1],
+    });
+    session.report(tally, "film", rows, results)
+}
