@@ -7,8 +7,9 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{File, FileType, Metadata, OpenOptions};
 use std::io;
 use std::os::unix::fs::{FileExt as _, FileTypeExt as _, MetadataExt as _, OpenOptionsExt as _};
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::Child;
+use std::process::{Child, Command};
 
 fn of(found: &Metadata) -> Identity {
     Identity(found.dev(), found.ino())
@@ -93,4 +94,9 @@ pub fn host_name() -> String {
 /// When it has ended.
 pub fn end(process: &mut Child) -> io::Result<()> {
     Ok(kill_process(Pid::from_child(process), Signal::TERM)?)
+}
+
+/// Has a process started in a group of its own, so that Ctrl-C does not reach it.
+pub fn apart(command: &mut Command) {
+    command.process_group(0);
 }

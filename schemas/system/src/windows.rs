@@ -4,12 +4,16 @@ use super::{Identity, Room};
 use std::fs::{File, FileType, OpenOptions};
 use std::io;
 use std::os::windows::fs::{FileExt as _, OpenOptionsExt as _};
+use std::os::windows::process::CommandExt as _;
 use std::path::Path;
-use std::process::Child;
+use std::process::{Child, Command};
 use winapi_util::{Handle, file};
 
 /// Opens a link itself, and no thing that it leads to.
 const OPEN_REPARSE_POINT: u32 = 0x0020_0000;
+
+/// A group of its own for a process.
+const NEW_PROCESS_GROUP: u32 = 0x0000_0200;
 
 fn of(found: &file::Information) -> Identity {
     Identity(found.volume_serial_number(), found.file_index())
@@ -84,4 +88,9 @@ pub fn host_name() -> String {
 /// When it has ended.
 pub fn end(process: &mut Child) -> io::Result<()> {
     process.kill()
+}
+
+/// Has a process started in a group of its own, so that Ctrl-C does not reach it.
+pub fn apart(command: &mut Command) {
+    command.creation_flags(NEW_PROCESS_GROUP);
 }

@@ -9,7 +9,6 @@ use figure::{Apng, Dots, Gif};
 use schemas::whole_file::WholeFile;
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Read as _, Seek as _, Write as _};
-use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -130,7 +129,7 @@ impl Ffmpeg {
         command.args(["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"]);
         command.args(codec).arg(to);
         // Ctrl-C is for this program, which ends the other one
-        command.process_group(0);
+        system::apart(&mut command);
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(said.try_clone()?);
         Ok(Self { child: command.spawn()?, said })
     }
