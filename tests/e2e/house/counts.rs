@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 22] = [
-    ("the command", 14_370),
+    ("the command", 14_440),
     ("schemas", 9_190),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
@@ -19,7 +19,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
     ("consumers/experiments", 1_600),
     ("consumers/exports", 950),
     ("consumers/figure", 2_850),
-    ("consumers/orbits", 2_080),
+    ("consumers/orbits", 2_330),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_390),
     ("consumers/screen", 700),
@@ -31,7 +31,7 @@ pub(super) const BUDGETS: [(&str, usize); 22] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 77_720;
+const MOST_LINES: usize = 78_040;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
