@@ -55,7 +55,7 @@ class Orbit:
 
     @property
     def branch(self) -> Table:
-        """The orbits of a branch: the parameter, ``period_s``, ``energy_j``, ``amplitude_m``, ``largest_multiplier``, ``unstable``, ``returns``."""
+        """The orbits of a branch: the parameter, ``period_s``, ``energy_j``, ``amplitude_m``, ``largest_multiplier``, ``unstable``, ``returns``, ``branch``."""
         if "last" not in self.summary:
             raise ValueError("this is one orbit; orbit.continue_ follows it along a parameter")
         return read_csv(self.path / "branch.csv")
@@ -68,6 +68,7 @@ class Orbit:
         *,
         step: float | None = None,
         most: int | None = None,
+        branches: bool | None = None,
         force: bool = False,
     ) -> Orbit:
         """Follows this orbit along a key, with every change of stability.
@@ -78,6 +79,7 @@ class Orbit:
             out: A directory for the results. A branch that was interrupted goes on there.
             step: First step, over the whole way; by default 0.02.
             most: Most orbits; by default 1000.
+            branches: Also follow the branches that are born at its changes of stability.
             force: Replace the results in the directory.
 
         Raises:
@@ -104,7 +106,7 @@ class Orbit:
         for part in parts_of(key):
             value = value[part]
         config["initial"] = {"displacements_m": beginning.displacement_m.tolist(), "velocities_m_s": beginning.velocity_m_s.tolist()}
-        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most}
+        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most, "branches": branches}
         return _found({**config, "continue": {name: one for name, one in follow.items() if one is not None}}, out, force)
 
     def __repr__(self) -> str:

@@ -19,6 +19,7 @@ use orbits::branch::{Change, End, Step};
 use orbits::file::File;
 use orbits::multipliers::Multipliers;
 use orbits::shown::Mark;
+use orbits::switching::Beginning;
 use orbits::{MapError, NoOrbit, Orbit, Search, shown};
 use schemas::amounts::{number, quantity};
 use schemas::manifest::RunManifest;
@@ -30,11 +31,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Orbit files to begin with.
-const EXAMPLES: [(&str, &str); 4] = [
+const EXAMPLES: [(&str, &str); 5] = [
     ("breather", include_str!("orbit/breather.toml")),
     ("diode", include_str!("orbit/diode.toml")),
     ("fput", include_str!("orbit/fput.toml")),
     ("map", include_str!("orbit/map.toml")),
+    ("pair", include_str!("orbit/pair.toml")),
 ];
 
 /// The file in a directory of results that says of which orbit file they are, and the journal of a branch.
@@ -43,8 +45,8 @@ const JOURNAL: &str = "branch.journal";
 /// The summary, which is written last.
 const REPORT: &str = "orbit.json";
 
-/// Columns of a journal behind those of a branch, as JSON: the place on the branch, the change of stability before it.
-const KEPT: [&str; 2] = ["step", "change"];
+/// Columns of a journal behind those of a branch, as JSON: the place on the branch, the change of stability before it, the branches born there.
+const KEPT: [&str; 3] = ["step", "change", "born"];
 
 /// Multipliers that are listed.
 const SHOWN: usize = 6;
@@ -76,7 +78,9 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
 fn failure(why: NoOrbit) -> Failure {
     match why {
         NoOrbit::Chain(_) | NoOrbit::Config(_) => Failure::BadInput(why.into()),
-        NoOrbit::Map(_) | NoOrbit::Stuck { .. } | NoOrbit::NotUnique { .. } => Failure::Stopped(why.into()),
+        NoOrbit::Map(_) | NoOrbit::Stuck { .. } | NoOrbit::NotUnique { .. } | NoOrbit::Branch(_) => {
+            Failure::Stopped(why.into())
+        }
     }
 }
 
@@ -277,14 +281,17 @@ struct Come {
     rows: Vec<Vec<Cell>>,
     /// Changes of stability as they are told.
     changes: Vec<Value>,
-    last: Option<(Step, Orbit)>,
+    /// Beginnings of the branches after the first one.
+    born: Vec<Beginning>,
+    /// The last orbit of each branch.
+    lasts: Vec<(Step, Orbit)>,
 }
 
 impl<'a> Branch<'a> {
     fn of(place: &'a Place<'a>, file: &'a File, search: Search<'a>) -> Result<Self, Failure> {
         let (key, stretch) = file.stretch().ok_or_else(|| anyhow!("nothing is followed"))?;
         let kept = KEPT.map(|name| Column::new(name, Kind::Word));
-        let columns = shown::columns(key).into_iter().chain(kept).collect();
+        let columns = shown::branch_columns(key).into_iter().chain(kept).collect();
         // the orbit file lies beside it
         let identity = concat!("orbit, beadline ", env!("CARGO_PKG_VERSION")).to_owned();
         let head = JournalHead { identity, columns };
@@ -300,74 +307,109 @@ impl<'a> Branch<'a> {
             self.place.out.display()
         ));
         let mut progress = Progress::new(1000, "branch");
-        let mut failed = None;
-        let begun = come.last.as_ref().map(|(step, _)| step.clone());
-        let end = self.search.follow(&self.stretch, begun, |step, orbit| {
-            let found = self.add(&mut come, step, orbit, &mut journal, stop);
-            let way = (step.unknown.parameter - self.stretch.from) / (self.stretch.to - self.stretch.from);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1000")]
-            if progress.at((way.clamp(0.0, 1.0) * 1000.0) as u64) {
-                progress.tell(&[
-                    &format!("{} = {}", self.key, number(step.unknown.parameter)),
-                    &counted(come.rows.len() as u64, "orbit"),
-                ]);
-            }
-            failed = found.err();
-            if failed.is_some() || stop.load(Ordering::Relaxed) {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        });
+        let (mut failed, mut ends) = (None, Vec::new());
+        while ends.len() <= come.born.len() && !ends.contains(&End::Stopped) {
+            let branch = ends.len();
+            let search = self.search_of(branch, &come);
+            let begun = come.lasts.get(branch).map(|(step, _)| step.clone());
+            let end = search.follow(&self.stretch, begun, |step, orbit| {
+                let found = self.add(&mut come, branch, &search, (step, orbit), &mut journal, stop);
+                let way =
+                    (step.unknown.parameter - self.stretch.from) / (self.stretch.to - self.stretch.from);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 1000")]
+                if progress.at((way.clamp(0.0, 1.0) * 1000.0) as u64) {
+                    progress.tell(&[
+                        &format!("{} = {}", self.key, number(step.unknown.parameter)),
+                        &counted(come.rows.len() as u64, "orbit"),
+                    ]);
+                }
+                failed = found.err();
+                if failed.is_some() || stop.load(Ordering::Relaxed) {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            });
+            ends.push(end.map_err(failure)?);
+        }
         progress.finish();
         journal.map_or(Ok(()), |journal: Journal| journal.sync())?;
         failed.map_or(Ok(()), Err)?;
-        self.finish(&come, &end.map_err(failure)?, stop)
+        if !ends.contains(&End::Stopped) {
+            // as after an interruption: with the same residuals
+            come.lasts = self.again(&come, come.lasts.iter().map(|(step, _)| step.clone()).collect())?;
+        }
+        self.finish(&come, &ends, stop)
     }
 
-    /// The branch as far as its journal has it.
+    /// The search along branch `branch`, of which the first one is 0.
+    fn search_of(&self, branch: usize, come: &Come) -> Search<'a> {
+        let born = branch.checked_sub(1).and_then(|place| come.born.get(place));
+        born.map_or_else(|| self.search.clone(), |beginning| self.search.of_branch(beginning))
+    }
+
+    /// The branches as far as their journal has them.
     fn come(&self) -> Result<Come, Failure> {
         let path = self.place.path(JOURNAL);
         let mut come = Come::default();
         if self.place.args.force || !path.exists() {
             return Ok(come);
         }
-        let mut last = None;
+        let mut lasts: Vec<Step> = Vec::new();
         journal::read::<JournalError>(&path, &self.head, |_, line| {
             if let Some(Entry { mut cells, .. }) = journal::entry(line, &self.head.columns) {
                 let kept = cells.split_off(cells.len() - KEPT.len());
                 let mut kept =
                     kept.iter().map(|cell| if let Cell::Word(word) = cell { word.as_str() } else { "" });
-                last = kept.next().and_then(|step| serde_json::from_str::<Step>(step).ok());
+                lasts.truncate(shown::branch_of(&cells));
+                lasts.extend(kept.next().and_then(|step| serde_json::from_str::<Step>(step).ok()));
                 come.changes.extend(kept.next().and_then(|change| serde_json::from_str(change).ok()));
+                let born = kept.next().and_then(|born| serde_json::from_str::<Vec<Beginning>>(born).ok());
+                come.born.extend(born.into_iter().flatten());
                 come.rows.push(cells);
             }
             Ok(())
         })
         .bad_input()?;
-        if let Some(step) = last {
-            let orbit = self.search.again(&step.unknown).map_err(failure)?;
-            come.last = Some((step, orbit));
-        }
+        come.lasts = self.again(&come, lasts)?;
         Ok(come)
     }
 
-    /// Adds an orbit, and the change of stability before it.
+    /// The orbits at a place on each branch.
+    fn again(&self, come: &Come, steps: Vec<Step>) -> Result<Vec<(Step, Orbit)>, Failure> {
+        let again = |(branch, step): (usize, Step)| {
+            let orbit = self.search_of(branch, come).again(&step.unknown).map_err(failure)?;
+            Ok((step, orbit))
+        };
+        steps.into_iter().enumerate().map(again).collect()
+    }
+
+    /// Adds an orbit of `branch`, which `search` finds, and the change of stability before it.
     fn add(
         &self,
         come: &mut Come,
-        step: &Step,
-        orbit: &Orbit,
+        branch: usize,
+        search: &Search<'_>,
+        (step, orbit): (&Step, &Orbit),
         journal: &mut Option<Journal>,
         stop: &AtomicBool,
     ) -> Result<(), Failure> {
-        let mut told = None;
-        if let Some((before, last)) = &come.last {
-            match self.search.change(last, orbit, before.turns(step)) {
+        let (mut told, mut born) = (None, Vec::new());
+        if let Some((before, last)) = come.lasts.get(branch) {
+            match search.change(last, orbit, before.turns(step)) {
                 Ok(Some(change)) => {
                     let name = format!("change-{}.mcap", come.changes.len() + 1);
                     self.place.record(self.file, &change.orbit, &name, stop)?;
-                    told = Some(told_change(&change, come.rows.len()));
+                    let mut change_told = told_change(&change, come.rows.len());
+                    if branch == 0 && self.file.has_branches() && change.may_bear() {
+                        match search.born(&change, &self.stretch) {
+                            Ok(found) => born = found,
+                            Err(why) => change_told["bears_none"] = why.to_string().into(),
+                        }
+                    }
+                    let first = come.born.len() + 1;
+                    change_told["bears"] = (first..first + born.len()).collect();
+                    told = Some(change_told);
                 }
                 Ok(None) => {}
                 Err(why) => told = Some(told_lost(&why, orbit, come.rows.len())),
@@ -383,22 +425,32 @@ impl<'a> Branch<'a> {
             self.place.make()?;
             journal.insert(Journal::open(&self.place.path(JOURNAL), &self.head, |_| ())?)
         };
+        let word = |is_there: bool, json: String| if is_there { Cell::Word(json) } else { Cell::Empty };
+        if let Some(told) = &mut told {
+            told["branch"] = branch.into();
+        }
         let change = told.as_ref().map_or(Cell::Empty, |told| Cell::Word(told.to_string()));
+        let kept = [
+            Cell::Word(serde_json::to_string(step)?),
+            change,
+            word(!born.is_empty(), serde_json::to_string(&born)?),
+        ];
         come.changes.extend(told);
-        let row = shown::row(orbit);
-        let step_json = serde_json::to_string(step)?;
-        let cells = row.iter().cloned().chain([Cell::Word(step_json), change]).collect();
+        come.born.extend(born);
+        let row: Vec<Cell> = shown::row(orbit).into_iter().chain([Cell::Integer(branch as u64)]).collect();
+        let cells = row.iter().cloned().chain(kept).collect();
         journal.append(&Entry { index: come.rows.len() as u64, wall_s: 0.0, cells })?;
         come.rows.push(row);
-        come.last = Some((step.clone(), orbit.clone()));
+        come.lasts.truncate(branch);
+        come.lasts.push((step.clone(), orbit.clone()));
         Ok(())
     }
 
-    /// Writes the results of the branch.
-    fn finish(&self, come: &Come, end: &End, stop: &AtomicBool) -> Result<Done, Failure> {
+    /// Writes the results of the branches, which have these ends.
+    fn finish(&self, come: &Come, ends: &[End], stop: &AtomicBool) -> Result<Done, Failure> {
         let place = self.place;
-        let Some((_, last)) = &come.last else { return Err(failure(MapError::Stopped.into())) };
-        let mut table = Table::create(&place.path("branch.csv"), &shown::columns(&self.key), true)?;
+        let Some((_, last)) = come.lasts.first() else { return Err(failure(MapError::Stopped.into())) };
+        let mut table = Table::create(&place.path("branch.csv"), &shown::branch_columns(&self.key), true)?;
         for row in &come.rows {
             for cell in row {
                 table.cell(cell.clone());
@@ -412,8 +464,11 @@ impl<'a> Branch<'a> {
             &shown::branch(format!("branch along {}", self.key), &self.key, &come.rows, &marks),
         )?;
         let mut spectra = Vec::new();
-        if *end != End::Stopped {
+        if !ends.contains(&End::Stopped) {
             place.record(self.file, last, "last.mcap", stop)?;
+            for (branch, (_, last)) in come.lasts.iter().enumerate().skip(1) {
+                place.record(self.file, last, &format!("last-{branch}.mcap"), stop)?;
+            }
             spectra = self.file.spectra(stop).map_err(|why| failure(why.into()))?;
         }
         if !spectra.is_empty() {
@@ -427,19 +482,19 @@ impl<'a> Branch<'a> {
             .collect();
         place.write_multipliers(&last.multipliers)?;
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
+        let branches = self.told_branches(come, ends);
         let told = json!({
-            "key": self.key, "orbits": come.rows.len(), "end": end_word(end), "changes": come.changes, "last": told(last), "runs": runs,
+            "key": self.key, "orbits": come.rows.len(), "end": end_word(&ends[0]), "changes": come.changes, "branches": branches,
+            "last": told(last), "runs": runs,
         });
         place.write_report(&told)?;
         report(place.args.json, &told, || {
             let mut rows = Rows::default();
             rows.add("orbits", count(come.rows.len() as u64));
+            rows.each("change", come.changes.iter().map(told_words));
             rows.each(
-                "change",
-                come.changes.iter().map(|change| {
-                    let at = change["row"][0].as_f64().map_or_else(String::new, number);
-                    format!("at {at}: {}", change["words"].as_str().unwrap_or_default())
-                }),
+                "branch",
+                branches.iter().map(|one| one["words"].as_str().unwrap_or_default().to_owned()),
             );
             rows.each(
                 "run",
@@ -461,26 +516,61 @@ impl<'a> Branch<'a> {
             rows.each("results", place.results(&files));
             rows.under(format_args!("branch along {}, to {}", self.key, number(last.unknown.parameter)))
         })?;
-        match end {
-            End::Reached => {}
-            End::CameBack => notice!("the branch turns and comes back to its first value"),
-            End::Most => {
-                notice!("the branch has {} orbits and goes on; continue.most allows more", come.rows.len());
-            }
-            End::Lost(why) => {
-                notice!("the branch ends at {} = {}: {why}", self.key, number(last.unknown.parameter));
-            }
-            End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
+        for (branch, ((step, _), end)) in come.lasts.iter().zip(ends).enumerate() {
+            self.tell_end(branch, step, end);
         }
         let are_located = come.changes.iter().all(|change| change["is_located"] == true);
-        Ok(Done::whole_if(*end == End::Reached && are_located))
+        let are_born = come.changes.iter().all(|change| change["bears_none"].is_null());
+        let is_whole = |end: &End| matches!(end, End::Reached | End::CameBack | End::Closed);
+        let are_whole = ends[0] == End::Reached && ends.len() > come.born.len() && ends.iter().all(is_whole);
+        Ok(Done::whole_if(are_whole && are_located && are_born))
     }
+
+    /// Tells why branch `branch` ends before its last value, at `step`.
+    fn tell_end(&self, branch: usize, step: &Step, end: &End) {
+        let name = if branch == 0 { "the branch".to_owned() } else { format!("branch {branch}") };
+        let at = format!("{} = {}", self.key, number(step.unknown.parameter));
+        match end {
+            End::Reached | End::Closed => {}
+            End::CameBack => notice!("{name} turns and comes back to the first value of the key"),
+            End::Most => notice!("{name} goes on at {at}; continue.most allows more orbits"),
+            End::Lost(why) => notice!("{name} ends at {at}: {why}"),
+            End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
+        }
+    }
+
+    /// The branches after the first one, as JSON.
+    fn told_branches(&self, come: &Come, ends: &[End]) -> Vec<Value> {
+        let branches = come.born.iter().zip(come.lasts.iter().zip(ends).skip(1)).enumerate();
+        let told = branches.map(|(place, (beginning, ((step, last), end)))| {
+            let branch = place + 1;
+            let orbits = come.rows.iter().filter(|row| shown::branch_of(row) == branch).count() as u64;
+            let (periods, to) = (beginning.periods, step.unknown.parameter);
+            let from = beginning.step.unknown.parameter;
+            let of = if periods == 2 { " of twice the period" } else { "" };
+            let (from_word, to_word) = (number(from), number(to));
+            let words = format!("{branch}: {}{of}, from {from_word} to {to_word}", counted(orbits, "orbit"));
+            json!({
+                "branch": branch, "words": words, "orbits": orbits, "periods": periods, "from": from, "to": to, "end": end_word(end),
+                "last": told(last),
+            })
+        });
+        told.collect()
+    }
+}
+
+/// A change of stability in words, from JSON.
+fn told_words(change: &Value) -> String {
+    let at = change["row"][0].as_f64().map_or_else(String::new, number);
+    let none = change["bears_none"].as_str().map_or_else(String::new, |why| format!("; {why}"));
+    format!("at {at}: {}{none}", change["words"].as_str().unwrap_or_default())
 }
 
 fn end_word(end: &End) -> &'static str {
     match end {
         End::Reached => "reached",
         End::CameBack => "came-back",
+        End::Closed => "closed",
         End::Most => "most",
         End::Lost(_) => "lost",
         End::Stopped => "stopped",

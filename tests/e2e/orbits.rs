@@ -115,6 +115,43 @@ fn an_interrupted_branch_goes_on_to_the_same_bytes() {
     assert!(changes.len() == 1 && (changes[0].1 - 0.218_181_686_716).abs() < 1e-9, "{changes:?}");
 }
 
+/// Two shaken beads: where the orbit doubles its period, the branch that is born there turns twice, and is followed as the first one is.
+#[test]
+fn a_branch_that_is_born_is_followed_recorded_and_goes_on_to_the_same_bytes() {
+    let place = example("pair");
+    let found = place.run("orbit pair.toml --out whole --json").exits(0).json();
+    let names: Vec<String> = changes(&found).into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["period doubling", "fold"], "{found}");
+    assert_eq!(found["changes"][0]["bears"], serde_json::json!([1]), "{found}");
+    let born = &found["branches"][0];
+    assert!(born["periods"] == 2 && born["end"] == "reached" && born["last"]["is_stable"] == true, "{born}");
+    assert!(found["last"]["is_stable"] == false);
+    place.run("verify whole/last-1.mcap").exits(0);
+    let lines = rows(&place, "whole/branch.csv");
+    let of_branch = |number: &str| lines.iter().filter(|row| row[7] == number).count();
+    assert!(of_branch("0") + of_branch("1") == lines.len() && of_branch("1") > 10, "{lines:?}");
+    // as a kill leaves it in the second branch, and beside its beginning
+    place.run("orbit pair.toml --out parts").exits(0);
+    let journal = place.path("parts").join("branch.journal");
+    let text = fs::read_to_string(&journal).unwrap();
+    let kept: Vec<&str> = text.lines().collect();
+    for kept_count in [of_branch("0") + 1, of_branch("0") + 6] {
+        fs::write(&journal, kept[..kept_count].join("\n") + "\n").unwrap();
+        place.run("orbit pair.toml --out parts").exits(0);
+        for file in ["branch.csv", "branch.journal", "branch.png", "multipliers.csv", "orbit.json"] {
+            let [whole, parts] =
+                ["whole", "parts"].map(|directory| fs::read(place.path(directory).join(file)).unwrap());
+            assert!(whole == parts, "{file}");
+        }
+    }
+    // a ring loses two directions at once, and this is told
+    let ring = place.run("orbit --example fput").exits(0).stdout() + "branches = true\n";
+    place.write("ring.toml", &ring);
+    let found = place.run("orbit ring.toml --out ring --json").exits(3).json();
+    let why = found["changes"][0]["bears_none"].as_str().unwrap();
+    assert!(why.contains("two multipliers pass at once"), "{why}");
+}
+
 #[test]
 fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
     let place = example("breather");
@@ -152,7 +189,7 @@ fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
     place.write("other/notes.txt", "mine");
     let refused = place.run("orbit breather.toml --out other").exits(2);
     assert!(refused.stderr().contains("holds something else"), "{}", refused.stderr());
-    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput, map"));
+    assert!(place.run("orbit --example no").exits(2).stderr().contains("breather, diode, fput, map, pair"));
 }
 
 /// The example of a map with 6 values of each key.

@@ -27,13 +27,13 @@ pub struct Step {
     /// The orbit.
     pub unknown: Unknown,
     /// The direction of the branch there.
-    direction: Vec<f64>,
+    pub(crate) direction: Vec<f64>,
     /// Length of the next step.
-    length: f64,
+    pub(crate) length: f64,
     /// Its number, from 0.
-    number: usize,
+    pub(crate) number: usize,
     /// True if the branch ends there.
-    is_last: bool,
+    pub(crate) is_last: bool,
 }
 
 /// A change of stability on a branch.
@@ -49,6 +49,8 @@ pub struct Change {
     pub begins: bool,
     /// False if it lies somewhere between two orbits, of which `orbit` is the nearer one.
     pub is_located: bool,
+    /// The direction of the branch there.
+    pub(crate) along: Vec<f64>,
 }
 
 /// The way in which a branch ends.
@@ -58,6 +60,8 @@ pub enum End {
     Reached,
     /// It comes back to its first value.
     CameBack,
+    /// It comes back to its first orbit.
+    Closed,
     /// It has as many orbits as it may have.
     Most,
     /// Nothing more is found.
@@ -123,6 +127,11 @@ impl Search<'_> {
     ) -> Result<End, NoOrbit> {
         let mut at = if let Some(step) = last {
             step
+        } else if let Some(step) = &self.begun {
+            if look(step, &self.again(&step.unknown)?).is_break() {
+                return Ok(End::Stopped);
+            }
+            step.clone()
         } else {
             let found = self.newton.find(&self.start, None)?;
             let mut forward = vec![0.0; self.newton.coordinates.count() + 2];
@@ -145,6 +154,9 @@ impl Search<'_> {
             if at.number + 1 >= stretch.most {
                 return Ok(End::Most);
             }
+            if self.begun.as_ref().is_some_and(|begun| self.is_closed(begun, &at)) {
+                return Ok(End::Closed);
+            }
             match self.next(stretch, &at) {
                 Ok((step, found)) => {
                     if look(&step, &self.orbit(found)?).is_break() {
@@ -156,6 +168,13 @@ impl Search<'_> {
                 Err(why) => return Ok(End::Lost(why)),
             }
         }
+    }
+
+    /// True if a branch that begins at `begun` is back there: within its next step.
+    fn is_closed(&self, begun: &Step, at: &Step) -> bool {
+        let (from, to) = (self.newton.numbers(&begun.unknown), self.newton.numbers(&at.unknown));
+        let between: Vec<f64> = from.iter().zip(&to).map(|(from, to)| to - from).collect();
+        at.number > 3 && norm(&between) < 0.6 * at.length
     }
 
     /// The next orbit of a branch.
@@ -207,7 +226,12 @@ impl Search<'_> {
     }
 
     /// `unknown`, moved from the numbers `from` to `to`; further parts of the period follow the flow.
-    fn unknown_near(&self, unknown: &Unknown, from: &[f64], to: &[f64]) -> Result<Unknown, NoOrbit> {
+    pub(crate) fn unknown_near(
+        &self,
+        unknown: &Unknown,
+        from: &[f64],
+        to: &[f64],
+    ) -> Result<Unknown, NoOrbit> {
         let count = self.newton.coordinates.count();
         let mut next = unknown.clone();
         next.points[0].copy_from_slice(&to[..count]);
@@ -270,6 +294,6 @@ impl Search<'_> {
             (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs()
         };
         let multiplier = near.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(multiplier);
-        Ok(Some(Change { name, orbit, multiplier, begins, is_located }))
+        Ok(Some(Change { name, orbit, multiplier, begins, is_located, along: normal }))
     }
 }

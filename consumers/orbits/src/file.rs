@@ -84,6 +84,9 @@ struct Continue {
     #[serde(default = "usual_most")]
     #[schemars(range(min = 2, max = 1_000_000))]
     most: usize,
+    /// True if the branches that are born at its changes of stability are followed, too [default: false].
+    #[serde(default)]
+    branches: bool,
     /// Runs that are compared with the branch.
     spectra: Option<runs::Runs>,
 }
@@ -132,7 +135,8 @@ impl File {
             let line = |changed: Table, key: &KeyPath, from: f64| {
                 let written = Written::in_document(&changed)?;
                 let (name, step, most) = (key.to_string(), usual_step(), usual_most());
-                let follow = Continue { key: name, from, to: from, step, most, spectra: None };
+                let follow =
+                    Continue { key: name, from, to: from, step, most, branches: false, spectra: None };
                 Self::of((path, changed, written), Some((key.clone(), follow)), prepare)
             };
             let grid = Grid::of(&axes, &document, line)?;
@@ -182,6 +186,11 @@ impl File {
     pub fn stretch(&self) -> Option<(&str, Stretch)> {
         let (_, Continue { key, from, to, step, most, .. }) = self.follow.as_ref()?;
         Some((key, Stretch { from: *from, to: *to, step: *step, most: *most }))
+    }
+
+    /// True if branches that are born on the way are followed.
+    pub fn has_branches(&self) -> bool {
+        self.follow.as_ref().is_some_and(|(_, follow)| follow.branches)
     }
 
     /// Settings of the search.

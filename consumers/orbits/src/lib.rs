@@ -28,6 +28,7 @@ pub mod multipliers;
 pub mod newton;
 pub mod shown;
 pub mod spectra;
+pub mod switching;
 
 pub use map::MapError;
 pub use newton::{Asked, Family, NoOrbit, Problem};
@@ -58,9 +59,12 @@ pub struct Options {
 }
 
 /// A search for orbits of a family of chains.
+#[derive(Clone)]
 pub struct Search<'a> {
     newton: Newton<'a>,
     start: Unknown,
+    /// The place from which a branch is followed; by default the orbit near the seed.
+    begun: Option<branch::Step>,
     /// Multipliers that are 1 by symmetry.
     trivial: usize,
     is_conservative: bool,
@@ -182,6 +186,7 @@ impl<'a> Search<'a> {
             family,
             coordinates,
             steps,
+            periods: 1,
             shift_beads,
             stop,
             symmetries: symmetries - usize::from(turns),
@@ -190,7 +195,7 @@ impl<'a> Search<'a> {
         };
         newton.flow(&mut start)?;
         let trivial = if is_conservative { 2 * symmetries } else { symmetries };
-        Ok(Self { newton, start, trivial, is_conservative })
+        Ok(Self { newton, start, begun: None, trivial, is_conservative })
     }
 
     /// Finds the orbit near the seed.

@@ -112,6 +112,17 @@ impl Multipliers {
         self.telling().filter(|one| one.size() > 1.0 + ON_CIRCLE)
     }
 
+    /// Largest difference between the multipliers and those of `other`, over their size, of those that are not 1 by symmetry.
+    pub(crate) fn difference(&self, other: &Self) -> f64 {
+        let sorted = |these: &Self| {
+            let mut all: Vec<Multiplier> = these.telling().collect();
+            all.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
+            all
+        };
+        let apart = |(a, b): (&Multiplier, &Multiplier)| a.from(b.re, b.im) / (1.0 + a.size());
+        sorted(self).iter().zip(&sorted(other)).map(apart).fold(0.0, f64::max)
+    }
+
     /// The way in which changes grow by `multiplier`.
     pub fn kind(&self, multiplier: Multiplier) -> Instability {
         match (multiplier.is_real(), self.is_conservative) {

@@ -8,8 +8,10 @@
 //! A chain that conserves energy and begins without velocities goes back the way that it came. Then displacements alone are unknown,
 //! and velocities are made nothing after half of the period, which is a turning point, too.
 
+mod equations;
+
 use crate::map::{Carried, Coordinates, Map, MapError, norm};
-use nalgebra::{DMatrix, DVector, LU};
+use nalgebra::{DMatrix, DVector};
 use schemas::config::ConfigError;
 use schemas::manifest::Physics;
 use serde::{Deserialize, Serialize};
@@ -104,6 +106,9 @@ pub enum NoOrbit {
         /// Directions in which an orbit can be displaced.
         symmetries: usize,
     },
+    /// None begins at a change of stability, or none that is found in this way.
+    #[error("no branch begins there: {0}")]
+    Branch(&'static str),
 }
 
 /// Some residuals in words.
@@ -122,10 +127,13 @@ pub(crate) struct Plane {
 }
 
 /// Newton's method for the orbits of a family.
+#[derive(Clone)]
 pub(crate) struct Newton<'a> {
     pub(crate) family: &'a Family<'a>,
     pub(crate) coordinates: Coordinates,
     pub(crate) steps: u64,
+    /// Periods of the problem in one of the orbit.
+    pub(crate) periods: u64,
     pub(crate) shift_beads: u64,
     /// Set when the search is to be given up.
     pub(crate) stop: &'a AtomicBool,
@@ -193,7 +201,7 @@ impl Newton<'_> {
     fn at(&self, unknown: &Unknown, parameter: f64) -> Result<(Problem, Unknown), NoOrbit> {
         let problem = (self.family)(parameter)?;
         let dt_s = match problem.asked {
-            Asked::PeriodS(period_s) => period_s / self.steps as f64,
+            Asked::PeriodS(period_s) => self.periods as f64 * period_s / self.steps as f64,
             Asked::EnergyJ(_) | Asked::AmplitudeM(_) => unknown.dt_s,
         };
         Ok((problem, Unknown { dt_s, parameter, points: unknown.points.clone() }))
@@ -438,52 +446,30 @@ impl Newton<'_> {
         let plane = Plane { normal: before.to_vec(), through: self.numbers(&found.unknown) };
         let linear = self.linear(&found.unknown, Some(&plane))?;
         let step = self.solve(&linear, Some(1.0))?;
-        let next = self.moved(&found.unknown, &Linear { gaps: Vec::new(), ..linear }, &step, 1.0);
+        self.way(&found.unknown, linear, &step)
+    }
+
+    /// The direction of `step` from `unknown`: of length 1.
+    fn way(&self, unknown: &Unknown, linear: Linear, step: &DVector<f64>) -> Result<Vec<f64>, NoOrbit> {
+        let next = self.moved(unknown, &Linear { gaps: Vec::new(), ..linear }, step, 1.0);
         let next = self.at(&next, next.parameter)?.1;
-        let (from, to) = (self.numbers(&found.unknown), self.numbers(&next));
+        let (from, to) = (self.numbers(unknown), self.numbers(&next));
         let difference: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
         let length = norm(&difference);
         Ok(difference.into_iter().map(|x| x / length).collect())
     }
 
-    /// Solves the equations for a Newton step; or, with `along`, for a move by that much off the plane, on which nothing else changes.
-    fn solve(&self, linear: &Linear, along: Option<f64>) -> Result<DVector<f64>, NoOrbit> {
-        let (count, by, symmetries) = (self.unknown.len(), linear.by.len(), self.symmetries);
-        let size = count + by + symmetries;
-        let singular = NoOrbit::NotUnique { symmetries };
-        let equations = DMatrix::from_fn(count, count, |row, column| {
-            let (row, column) = (self.closed[row], self.unknown[column]);
-            linear.monodromy[(row, column)] - if row == column { 1.0 } else { 0.0 }
-        });
-        let closed =
-            |all: &DVector<f64>| DVector::from_iterator(count, self.closed.iter().map(|row| all[*row]));
-        let mut matrix = DMatrix::zeros(size, size);
-        matrix.view_mut((0, 0), (count, count)).copy_from(&equations);
-        for (column, by) in linear.by.iter().enumerate() {
-            matrix.view_mut((0, count + column), (count, 1)).copy_from(&closed(&by.all));
+    /// `unknown` half of a period later, where the motion goes back, too.
+    pub(crate) fn turned(&self, unknown: &Unknown) -> Result<Unknown, NoOrbit> {
+        let (problem, mut later) = self.at(unknown, unknown.parameter)?;
+        let carried = self.map(&problem).carry(later.dt_s, &later.points[..1], false)?;
+        later.points[0].clone_from(&carried.ends[0]);
+        self.closed.iter().for_each(|place| later.points[0][*place] = 0.0);
+        if self.asked(&problem, &later).is_some_and(|off| off.abs() > TAKEN) {
+            let why = "its orbits turn half of a period later, where the bead has another displacement: ask for orbit.energy_j";
+            return Err(NoOrbit::Branch(why));
         }
-        if symmetries > 0 {
-            let (left, right) = (lost(&equations.transpose(), symmetries), lost(&equations, symmetries));
-            let (left, right) = (left.ok_or(singular.clone())?, right.ok_or(singular.clone())?);
-            matrix.view_mut((0, count + by), (count, symmetries)).copy_from(&left);
-            matrix.view_mut((count, 0), (symmetries, count)).copy_from(&right.transpose());
-        }
-        let mut right_side = DVector::zeros(size);
-        for (row, (by_coordinates, by_others, value)) in linear.further.iter().enumerate() {
-            let row = count + symmetries + row;
-            self.unknown
-                .iter()
-                .enumerate()
-                .for_each(|(column, place)| matrix[(row, column)] = by_coordinates[*place]);
-            by_others.iter().enumerate().for_each(|(other, by)| matrix[(row, count + other)] = *by);
-            right_side[row] = if along.is_some() { 0.0 } else { -value };
-        }
-        match along {
-            Some(along) => right_side[size - 1] = along,
-            None => right_side.rows_mut(0, count).copy_from(&-closed(&linear.gap)),
-        }
-        let solved = LU::new(matrix).solve(&right_side).ok_or(singular.clone())?;
-        if solved.iter().all(|x| x.is_finite()) { Ok(solved) } else { Err(singular) }
+        Ok(later)
     }
 
     /// `unknown`, moved by `length` times `step`.
@@ -534,22 +520,4 @@ fn together(carried: &Carried, parts: &[Vec<f64>]) -> DVector<f64> {
         all = derivative * all + DVector::from_column_slice(part);
     }
     all
-}
-
-/// Directions that `equations` nearly lose, as columns at right angles: by inverse iteration with `AᵀA`.
-fn lost(equations: &DMatrix<f64>, count: usize) -> Option<DMatrix<f64>> {
-    let size = equations.nrows();
-    // a matrix that is singular to the last place cannot be divided by
-    let equations = equations + DMatrix::identity(size, size) * (f64::EPSILON * equations.amax());
-    let (solver, transposed) = (LU::new(equations.clone()), LU::new(equations.transpose()));
-    let some = |row: usize, column: usize| ((row * 7 + column * 13) % 11) as f64 - 4.5;
-    let mut found = DMatrix::from_fn(size, count, some);
-    for _ in 0..3 {
-        found = transposed.solve(&found.qr().q())?;
-        found = solver.solve(&found.qr().q())?;
-        if !found.iter().all(|x| x.is_finite()) {
-            return None;
-        }
-    }
-    Some(found.qr().q())
 }

@@ -26,6 +26,12 @@ const AMPLITUDE: usize = 3;
 const LARGEST: usize = 4;
 const UNSTABLE: usize = 5;
 
+/// Colours of branches that are born on the first one, in turn.
+const BORN: [Colour; 5] = [Colour::Green, Colour::Purple, Colour::Orange, Colour::Sky, Colour::Grey];
+/// Marks of changes of stability beside these.
+const SHAPES: [figure::Mark; 4] =
+    [figure::Mark::Circle, figure::Mark::Square, figure::Mark::Triangle, figure::Mark::Diamond];
+
 /// Columns of a branch along `key`: its value, period (s), energy (J), amplitude (m), size of the largest multiplier, number of multipliers outside
 /// of the unit circle, distance from the state a period later, over its size.
 pub fn columns(key: &str) -> Vec<Column> {
@@ -33,7 +39,17 @@ pub fn columns(key: &str) -> Vec<Column> {
     std::iter::once(key).chain(COLUMNS).map(|name| Column::new(name, kind(name))).collect()
 }
 
-/// The row of an orbit in these.
+/// The same of a branch and those that are born on it, with the number of the branch.
+pub fn branch_columns(key: &str) -> Vec<Column> {
+    columns(key).into_iter().chain([Column::new("branch", Kind::Integer)]).collect()
+}
+
+/// The number of the branch in a row of these.
+pub fn branch_of(row: &[Cell]) -> usize {
+    if let Some(Cell::Integer(branch)) = row.last() { usize::try_from(*branch).unwrap_or(0) } else { 0 }
+}
+
+/// The row of an orbit in the columns of one branch.
 pub fn row(orbit: &Orbit) -> Vec<Cell> {
     let largest = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.size()));
     vec![
@@ -198,34 +214,49 @@ fn panel(
     rows: &[Vec<Cell>],
     marks: &[Mark],
 ) -> Panel {
-    // the values of each place, and true if the part that leads to it is unstable
-    let mut places: Vec<(Vec<f64>, bool)> = Vec::new();
-    for (number, row) in rows.iter().enumerate() {
-        let was_unstable = places.last().is_some_and(|(_, is_unstable)| *is_unstable);
-        let between = marks.iter().filter(|mark| mark.before == number);
-        places.extend(between.map(|mark| (mark.row.clone(), was_unstable)));
-        let is_unstable = matches!(row[UNSTABLE], Cell::Integer(count) if count > 0);
-        places.push((row.iter().map(double).collect(), is_unstable));
+    let named = |name: &str| if is_named { name.to_owned() } else { String::new() };
+    let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
+    let point = |values: &[f64]| (values[0], values[column]);
+    let branches: BTreeSet<usize> = rows.iter().map(|row| branch_of(row)).collect();
+    let has_born = branches.len() > 1;
+    for branch in branches {
+        // the values of each place, and true if the part that leads to it is unstable
+        let mut places: Vec<(Vec<f64>, bool)> = Vec::new();
+        for (number, row) in rows.iter().enumerate().filter(|(_, row)| branch_of(row) == branch) {
+            let was_unstable = places.last().is_some_and(|(_, is_unstable)| *is_unstable);
+            let between = marks.iter().filter(|mark| mark.before == number);
+            places.extend(between.map(|mark| (mark.row.clone(), was_unstable)));
+            let is_unstable = matches!(row[UNSTABLE], Cell::Integer(count) if count > 0);
+            places.push((row.iter().map(double).collect(), is_unstable));
+        }
+        let parts = |wanted: bool| {
+            let part = |pair: &[(Vec<f64>, bool)]| {
+                let (from, to) = (point(&pair[0].0), point(&pair[1].0));
+                if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
+            };
+            places.windows(2).flat_map(part).collect::<Vec<_>>()
+        };
+        let curve = |name: &str, is_unstable: bool| Curve::line(named(name), parts(is_unstable));
+        let curves = if let Some(born) = branch.checked_sub(1) {
+            // one colour, with the strokes of the first branch
+            let colour = BORN[born % BORN.len()];
+            [(format!("branch {branch}"), false), (String::new(), true)]
+                .map(|(name, is_unstable)| curve(&name, is_unstable).colour(colour))
+        } else {
+            [curve("stable", false), curve("unstable", true)]
+        };
+        let [stable, unstable] = curves;
+        panel = panel.curve(stable.stroke(Stroke::Solid)).curve(unstable.stroke(Stroke::Dashed));
     }
     let names: BTreeSet<&str> = marks.iter().map(|mark| mark.name.as_str()).collect();
-    let named = |name: &str| if is_named { name.to_owned() } else { String::new() };
-    let point = |values: &[f64]| (values[0], values[column]);
-    let parts = |wanted: bool| {
-        let part = |pair: &[(Vec<f64>, bool)]| {
-            let (from, to) = (point(&pair[0].0), point(&pair[1].0));
-            if pair[1].1 == wanted { [from, to] } else { [(to.0, f64::NAN); 2] }
-        };
-        places.windows(2).flat_map(part).collect::<Vec<_>>()
-    };
-    let mut panel = Panel::new().x_axis(Axis::new(key)).y_axis(Axis::new(label));
-    panel = panel.curve(Curve::line(named("stable"), parts(false)));
-    panel = panel.curve(Curve::line(named("unstable"), parts(true)).stroke(Stroke::Dashed));
     if column == LARGEST {
         panel = panel.horizontal("", 1.0);
     }
-    for name in &names {
+    for (name, shape) in names.iter().zip(SHAPES.into_iter().cycle()) {
         let of_name = marks.iter().filter(|mark| mark.name == *name).map(|mark| point(&mark.row));
-        panel = panel.points(named(name), of_name.collect::<Vec<_>>());
+        let points = Curve::points(named(name), of_name.collect::<Vec<_>>());
+        // black beside the colours of many branches
+        panel = panel.curve(if has_born { points.colour(Colour::Black).mark(shape) } else { points });
     }
     panel
 }

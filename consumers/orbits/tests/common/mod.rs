@@ -38,6 +38,11 @@ pub(crate) fn find(toml: &str) -> Orbit {
 
 /// The end of the branch that a file asks for, and its changes of stability.
 pub(crate) fn follow(toml: &str) -> Branch {
+    with_born(toml).0
+}
+
+/// The same, and the orbits of each branch that is born at the first of these changes.
+pub(crate) fn with_born(toml: &str) -> (Branch, Vec<Vec<Orbit>>) {
     let file = read(toml);
     let family = |parameter: f64| file.problem(parameter);
     let (_, stretch) = file.stretch().expect("a branch");
@@ -56,5 +61,18 @@ pub(crate) fn follow(toml: &str) -> Branch {
         ControlFlow::Continue(())
     });
     assert_eq!(end, Ok(End::Reached), "{toml}");
-    Branch { last: last.expect("an orbit").1, changes }
+    let mut born = Vec::new();
+    if file.has_branches() {
+        let beginnings = search.born(&changes[0], &stretch).unwrap_or_else(|error| panic!("{error}\n{toml}"));
+        for beginning in &beginnings {
+            let mut orbits = Vec::new();
+            let end = search.of_branch(beginning).follow(&stretch, None, |_, orbit| {
+                orbits.push(orbit.clone());
+                ControlFlow::Continue(())
+            });
+            assert_eq!(end, Ok(End::Reached), "{toml}");
+            born.push(orbits);
+        }
+    }
+    (Branch { last: last.expect("an orbit").1, changes }, born)
 }
