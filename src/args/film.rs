@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[command(
     allow_negative_numbers = true,
     after_help = "Examples:\n  \
-    beadline film run.mcap --out run.mp4                    ten seconds for a talk; ffmpeg encodes them\n  \
+    beadline film run.mcap --out run.mp4                    ten seconds, encoded by ffmpeg\n  \
     beadline film run.mcap --out run.gif --size 800x450     a GIF for a page or a message\n  \
     beadline film run.mcap --out run.apng --seconds 4       all colours, without ffmpeg; browsers show it\n  \
     beadline film run.mcap --out hit.webm --from 0.02 --until 0.03 --beads 400..600\n  \

@@ -1,5 +1,4 @@
-//! What Unix and Windows have in forms of their own: the identity of a file, names, places in a file, room on a disk, the host's name, the end
-//! of a process.
+//! Unix and Windows by the same names: the identity of a file, names, places in a file, room on a disk, the host's name, the end of a process.
 
 #[cfg(unix)]
 mod unix;

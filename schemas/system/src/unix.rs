@@ -54,7 +54,11 @@ pub fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
 
 /// True if a file system reports that it cannot do something; FAT and several network ones report "not permitted".
 pub fn is_unsupported(error: &io::Error) -> bool {
-    matches!(Errno::from_io_error(error), Some(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP | Errno::PERM))
+    error.kind() == io::ErrorKind::Unsupported
+        || matches!(
+            Errno::from_io_error(error),
+            Some(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP | Errno::PERM)
+        )
 }
 
 /// Makes the names in a directory durable.

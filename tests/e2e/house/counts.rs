@@ -11,13 +11,13 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
-    ("schemas/system", 150),
+    ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_060),
+    ("producer", 8_270),
     ("consumers", 6_185),
     ("consumers/analyses", 4_450),
-    ("consumers/experiments", 1_600),
+    ("consumers/experiments", 1_610),
     ("consumers/exports", 950),
     ("consumers/figure", 3_115),
     ("consumers/orbits", 2_330),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 79_300;
+const MOST_LINES: usize = 79_500;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
