@@ -9,9 +9,8 @@ mod watch;
 #[cfg(unix)]
 mod watch;
 
-use schemas::whole_file;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::{flag, low_level};
+use signal_hook::flag;
 use std::io;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,10 +23,6 @@ static LEFT: Mutex<String> = Mutex::new(String::new());
 /// The first flag of this process.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Longest computation after a signal that the process does not notice. It is time of a processor, so that a busy
-/// machine ends nothing early.
-const BOUND: Duration = Duration::from_millis(400);
-
 /// Time of waiting for others on the bus after which a person is told.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
 
@@ -35,7 +30,7 @@ const TOLD_AFTER: Duration = Duration::from_secs(2);
 static LEAVES_NOTHING: AtomicBool = AtomicBool::new(false);
 
 /// Sets whether nothing but finished results would stay if the process ended from now on. If so, a process that
-/// computes for [`BOUND`] after the first signal is ended.
+/// computes on after the first signal is ended.
 pub(crate) fn leaves_nothing(it_does: bool) {
     LEAVES_NOTHING.store(it_does, Ordering::Relaxed);
 }
@@ -44,13 +39,6 @@ pub(crate) fn leaves_nothing(it_does: bool) {
 pub(crate) fn bounded_stop_flag() -> io::Result<Arc<AtomicBool>> {
     leaves_nothing(true);
     stop_flag()
-}
-
-/// Ends a process that leaves nothing.
-fn leave() -> ! {
-    whole_file::remove_unfinished();
-    notice!("stopped in the middle of a computation; nothing is left but .partial files, if any");
-    low_level::exit(3)
 }
 
 /// Prints a notice about others on the bus that keep this process waiting. The wait goes on until the process is
@@ -105,9 +93,10 @@ pub(crate) fn would_leave(what: String) {
 }
 
 /// Ends the process, and says what it leaves.
+#[cfg(unix)]
 pub(crate) fn end_at_once() -> ! {
     let left = LEFT.lock().map(|left| left.clone()).unwrap_or_default();
     let left = if left.is_empty() { "nothing is left but .partial files, if any".to_owned() } else { left };
     notice!("ended at once, by a second signal; {left}");
-    low_level::exit(1)
+    signal_hook::low_level::exit(1)
 }

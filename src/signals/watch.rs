@@ -1,7 +1,8 @@
 //! A thread that watches the signals of a Unix system.
 
-use super::{BOUND, LEAVES_NOTHING, end_at_once, leave};
+use super::{LEAVES_NOTHING, end_at_once};
 use rustix::time::{ClockId, clock_gettime};
+use schemas::whole_file;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
 use std::fs;
@@ -11,6 +12,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
+
+/// Longest computation after a signal that the process does not notice. It is time of a processor, so that a busy
+/// machine ends nothing early.
+const BOUND: Duration = Duration::from_millis(400);
 
 /// Interval at which that computation is measured.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
@@ -65,4 +70,11 @@ fn is_ignored(signal: i32) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
     mask & (1 << (signal - 1)) != 0
+}
+
+/// Ends a process that leaves nothing.
+fn leave() -> ! {
+    whole_file::remove_unfinished();
+    notice!("stopped in the middle of a computation; nothing is left but .partial files, if any");
+    low_level::exit(3)
 }
