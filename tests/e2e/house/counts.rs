@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 14_850),
+    ("the command", 14_890),
     ("schemas", 9_190),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
@@ -16,7 +16,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/recorder", 450),
     ("producer", 8_060),
     ("consumers", 6_185),
-    ("consumers/analyses", 4_450),
+    ("consumers/analyses", 4_455),
     ("consumers/experiments", 1_600),
     ("consumers/exports", 950),
     ("consumers/figure", 3_115),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 78_550;
+const MOST_LINES: usize = 78_655;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
