@@ -19,7 +19,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("consumers/analyses", 4_455),
     ("consumers/experiments", 1_600),
     ("consumers/exports", 950),
-    ("consumers/figure", 3_115),
+    ("consumers/figure", 3_118),
     ("consumers/orbits", 2_080),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_480),

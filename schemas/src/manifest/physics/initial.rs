@@ -1,8 +1,7 @@
 //! The state at step 0: its checks, and its values.
 
-use super::arrays::larger;
 use super::check::check_positive;
-use super::{Physics, usize_of};
+use super::{Physics, larger, usize_of};
 use crate::bath::BOLTZMANN_J_K;
 use crate::config::{ConfigError, End, Gaussian, ModeShape, PlaneWave, Thermal};
 use crate::drive::{Drive, Place, Quantity};
