@@ -17,10 +17,10 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("producer", 8_060),
     ("consumers", 6_185),
     ("consumers/analyses", 4_455),
-    ("consumers/experiments", 1_600),
+    ("consumers/experiments", 1_605),
     ("consumers/exports", 950),
     ("consumers/figure", 3_118),
-    ("consumers/orbits", 2_080),
+    ("consumers/orbits", 2_081),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_480),
     ("consumers/screen", 700),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 78_655;
+const MOST_LINES: usize = 78_701;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

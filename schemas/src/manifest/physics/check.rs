@@ -252,7 +252,8 @@ impl Physics {
         let velocity_m_s = self.striker.velocity_m_s;
         let is_moved = self.typical_speed_m_s() > 0.0
             || self.typical_overlap_m() > 0.0
-            || self.initial.displacements_m.iter().any(|u_m| *u_m != 0.0);
+            || self.initial.displacements_m.iter().any(|u_m| *u_m != 0.0)
+            || self.initial.resonator_displacements_m.iter().any(|w_m| *w_m != 0.0);
         if !is_moved && self.load.is_none() {
             if !self.is_moved_otherwise() && self.strikers.is_empty() {
                 let allowed = "a velocity other than 0: nothing else would set this chain in motion";
