@@ -202,6 +202,7 @@ function rulesOf(beads, contacts) {
         {},
         {
           ...{ displacements_m: list(finite), velocities_m_s: list(finite), solitary: list(text, 0, 0) },
+          ...{ resonator_displacements_m: list(finite), resonator_velocities_m_s: list(finite) },
           gaussian: object({ bead: finite, width_beads: positive }, moved),
           plane_wave: object({ cycles: finite }, { ...moved, phase_rad: finite }),
           mode: object({ number: count(1, beads) }, moved),
@@ -402,9 +403,12 @@ function checkBaths({ beads, baths = [], drives = [], seed: ofRun = 0, dt_s: dt,
   }
 }
 
+/** Lists of an initial state. */
+const LISTS = ["displacements_m", "velocities_m_s", "resonator_displacements_m", "resonator_velocities_m_s"];
+
 /** Refuses a chain that nothing sets in motion. @param {any} physics */
 function checkMotion(physics) {
-  const { beads, striker, strikers = [], initial = {}, drives = [], baths = [], ends, load, dt_s: dt, step_count: steps } = physics;
+  const { beads, striker, strikers = [], initial = {}, drives = [], baths = [], resonators, ends, load, dt_s: dt, step_count: steps } = physics;
   const struck = [striker, ...strikers];
   const beadsStruck = new Set();
   struck.forEach(({ bead }, i) => {
@@ -414,8 +418,11 @@ function checkMotion(physics) {
     beadsStruck.add(bead);
   });
   const moving = new Set(struck.filter((one) => one.velocity_m_s !== 0).map(({ bead }) => bead));
-  for (const key of ["displacements_m", "velocities_m_s"]) {
+  for (const key of LISTS) {
     const values = initial[key] ?? [];
+    if (values.length > 0 && key.startsWith("resonator") && !resonators) {
+      refuse(`initial.${key}`, `${values.length} values`, "none without resonators");
+    }
     if (values.length > 0 && values.length !== beads) {
       refuse(`initial.${key}`, `${values.length} values`, `${beads}, one for each bead`);
     }
@@ -452,7 +459,7 @@ function checkMotion(physics) {
   const entries = [...drives, ...baths.map((/** @type {any} */ { temperature_j: t, temperature_k: k }) => ({ t: t ?? k }))];
   const drivenBy = entries.flatMap((/** @type {any} */ { wall, bead, ...by }) => Object.values(by).flatMap((x) => Object.values(x)));
   const isMoved =
-    [load?.gravity_m_s2, load?.precompression_n, initial.displacements_m, initial.velocities_m_s, initial.thermal].some(isAny) ||
+    [load?.gravity_m_s2, load?.precompression_n, initial.thermal, ...LISTS.map((key) => initial[key])].some(isAny) ||
     struck.some((one) => one.velocity_m_s !== 0) ||
     shapes.some((shape) => shape?.displacement_m || shape?.velocity_m_s) ||
     drivenBy.some((/** @type {any} */ shape) => isAny(typeof shape === "number" ? shape : shape.amplitude ?? shape.values));

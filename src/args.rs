@@ -6,6 +6,7 @@ mod contents;
 mod export;
 mod figures;
 mod film;
+mod frames;
 mod orbit;
 mod pages;
 mod recordings;
@@ -15,12 +16,13 @@ mod slurm;
 mod top;
 mod values;
 
-pub(crate) use analyses::{AnalysisArgs, AskedAnalysis, FramesArgs, keeps_rows};
+pub(crate) use analyses::{AnalysisArgs, AskedAnalysis, keeps_rows};
 pub(crate) use check::CheckArgs;
 pub(crate) use contents::command;
 pub(crate) use export::ExportArgs;
 pub(crate) use figures::{AxisArg, BandArg, ColoursArg, LookArgs, PlotArgs, subjects};
 pub(crate) use film::FilmArgs;
+pub(crate) use frames::FramesArgs;
 pub(crate) use orbit::OrbitArgs;
 pub(crate) use pages::{ShareArgs, ViewArgs};
 pub(crate) use recordings::{

@@ -188,6 +188,8 @@ pub enum Remake {
     OfThings(&'static str),
     /// The same, with its tolerance as this setting.
     OfTolerance(&'static str),
+    /// A row depends on all frames since the analysis began, and on the threshold of its channel as this setting.
+    OfFramesBefore(&'static str),
     /// The same, with values of a setting that the names of its columns tell.
     OfNames {
         /// Name of the setting.

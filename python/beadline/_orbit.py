@@ -18,7 +18,7 @@ from ._command import Json, run_command
 from ._numbers import count, in_si
 from ._recording import Recording
 from ._recording import open as open_recording
-from ._run import Run, _toml, parts_of
+from ._run import Run, _toml, initial_of, parts_of
 from ._table import Table, read_csv
 from .errors import CommandError
 
@@ -105,7 +105,7 @@ class Orbit:
         value: Any = config
         for part in parts_of(key):
             value = value[part]
-        config["initial"] = {"displacements_m": beginning.displacement_m.tolist(), "velocities_m_s": beginning.velocity_m_s.tolist()}
+        config["initial"] = initial_of(beginning)
         follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most, "branches": branches}
         return _found({**config, "continue": {name: one for name, one in follow.items() if one is not None}}, out, force)
 

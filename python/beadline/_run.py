@@ -89,7 +89,7 @@ class Run:
         config["striker"] = each[0] if len(each) == 1 else each
         config["drive"] = tables("drives", drives)
         config["bath"] = tables("baths", baths)
-        config["initial"] = None if initial is None else _initial(initial)
+        config["initial"] = None if initial is None else _initial(initial, config)
         config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number_if_any("dt_s", dt_s)}
         config["integrator"] = {"method": method}
         every = whole("publish_every", publish_every)
@@ -185,12 +185,12 @@ class Run:
         """The same chain, begun from a state: a state of any step, ``rec[1000]``, or one that you have changed,
         ``(displacements in m, velocities in m/s)``. Strikers and other initial states are left out.
 
-        Time begins at 0 again, so drives do, too; resonators begin unstretched and at rest, as everywhere.
+        Time begins at 0 again, so drives do, too; resonators begin as in a ``State``, beside a pair at rest in their beads.
 
         Raises:
             ConfigError: If the state does not fit this chain.
         """
-        return self.replace({"striker": None, "initial": _initial(state)})
+        return self.replace({"striker": None, "initial": _initial(state, tomllib.loads(self._toml))})
 
     @property
     def name(self) -> str:
@@ -405,13 +405,26 @@ class Run:
         return f"<Run {self.name}: {self._manifest.beads} beads, {self.steps} steps of {self.dt_s:.4g} s>"
 
 
-def _initial(initial: Initial) -> Config:
-    """The beginning of a run, in the form of a configuration."""
+def initial_of(state: State) -> Config:
+    """A state in the form of a configuration."""
+    lists = {"displacements_m": state.displacement_m, "velocities_m_s": state.velocity_m_s}
+    of_resonators = {
+        "resonator_displacements_m": state.resonator_displacement_m,
+        "resonator_velocities_m_s": state.resonator_velocity_m_s,
+    }
+    return {name: values.tolist() for name, values in {**lists, **of_resonators}.items() if len(values)}
+
+
+def _initial(initial: Initial, chain: Config) -> Config:
+    """The beginning of a run of a chain, in the form of a configuration."""
     from ._recording import State
 
     if isinstance(initial, Mapping):
         return dict(initial)
-    pair = (initial.displacement_m, initial.velocity_m_s) if isinstance(initial, State) else initial
+    if isinstance(initial, State):
+        lists = initial_of(initial)
+        return {name: lists[name] for name in lists if chain.get("resonators") or not name.startswith("resonator")}
+    pair = initial
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         found = f"{len(pair)} parts" if isinstance(pair, tuple | list) else repr(pair)
         wanted = "a State, (displacements in m, velocities in m/s), or a dictionary of rules"

@@ -1,6 +1,6 @@
 //! Figures: how they look, and one at a time.
 
-use super::analyses::FramesArgs;
+use super::frames::FramesArgs;
 use super::values::{ColourRange, parse_dpi, parse_range, parse_stretch, parse_time, parse_whole};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};

@@ -133,17 +133,10 @@ impl Place<'_> {
         Ok(figure.write(&self.path(name), self.args.look.options(), true)?)
     }
 
-    /// Records one period of `orbit`, if a run begins as it does.
+    /// Records one period of `orbit`.
     fn record(&self, file: &File, orbit: &Orbit, name: &str, stop: &AtomicBool) -> Result<(), Failure> {
         let config = file.config_of(orbit).bad_input()?;
         let manifest = RunManifest::new(&config, "orbit", origin()).bad_input()?;
-        let is_it = manifest.physics.initial_extra(&orbit.state.u_m) == orbit.state.extra[..];
-        if !is_it {
-            notice!(
-                "{name} is not written: a run begins with resonators at rest in their beads, and this orbit does not"
-            );
-            return Ok(());
-        }
         record(&manifest, &config.to_toml(), &self.path(name), stop, |_| ())?;
         Ok(())
     }

@@ -1,6 +1,8 @@
 //! Periodic orbits: what the command finds, writes and refuses.
 
 use crate::harness::{Place, wait_until};
+use recording::RecordingSource;
+use schemas::frame::{FrameSource as _, Received};
 use serde_json::Value;
 use std::fs;
 
@@ -82,6 +84,47 @@ fn the_recording_of_an_orbit_comes_back() {
         first.len() >= 82 && first.iter().zip(last).skip(3).all(|(a, b)| (a - b).abs() < 1e-12),
         "{first:?} {last:?}"
     );
+}
+
+/// Resonators that move at first are a part of the initial state.
+#[test]
+fn orbits_of_resonators_are_recorded() {
+    let place = Place::new();
+    let text = "[chain]\nbeads = 5\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+        [load]\nprecompression_n = 20.0\n[resonators]\nmass_kg = { pattern = [4e-4, 0.0] }\nstiffness_n_per_m = 3e5\n\
+        [orbit]\namplitude_m = 1e-6\nsteps = 200\nmode = { number = 5, displacement_m = 1e-6 }\n";
+    place.write("one.toml", text);
+    place.run("orbit one.toml --out one").exits(0);
+    place.run("verify one/orbit.mcap").exits(0);
+    let mut source = RecordingSource::open(&place.path("one/orbit.mcap")).unwrap();
+    let rows = source.manifest().physics.rows();
+    let mut states = Vec::new();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        let [w_m, w_m_s] = rows.resonators_of(frame.extra);
+        states.push((frame.u_m.to_vec(), w_m.to_vec(), w_m_s.to_vec()));
+    }
+    let ((u_m, w_m, _), (_, last_w_m, last_w_m_s)) = (&states[0], &states[states.len() - 1]);
+    assert!(states.len() > 100 && w_m != u_m, "{u_m:?} {w_m:?}");
+    let is_close = |(one, other): (&f64, &f64)| (one - other).abs() < 1e-12;
+    assert!(w_m.iter().zip(last_w_m).all(is_close), "{w_m:?} {last_w_m:?}");
+    assert!(last_w_m_s.iter().all(|w_m_s| w_m_s.abs() < 1e-8), "{last_w_m_s:?}");
+    // a key at the wrong place has its line
+    let run = "[chain]\nbeads = 2\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[time]\nduration_s = 1e-3\n[initial]\n";
+    for (resonators, list, told) in [
+        (
+            "",
+            "[1e-6, 0.0]",
+            "run.toml:9: initial.resonator_displacements_m: found 2 values; allowed: none without",
+        ),
+        (
+            "[resonators]\nmass_kg = 1e-3\nstiffness_n_per_m = 1e5\n",
+            "[1e-6]",
+            "run.toml:9: initial.resonator_displacements_m: found 1 values; allowed: 2 values",
+        ),
+    ] {
+        place.write("run.toml", &format!("{run}resonator_displacements_m = {list}\n{resonators}"));
+        place.run("run run.toml").exits(2).says(&[told]);
+    }
 }
 
 /// However often a branch is interrupted, its files are the same.

@@ -22,7 +22,7 @@ const BASES: [&str; 6] = [
      drive = [{ wall = \"left\", displacement_m = { sine = { amplitude = 1e-6, frequency_hz = 5e3, ramp_s = 1e-3 } } }]\ntime = { duration_s = 1e-4 }",
     "chain = { beads = 8, bead_mass_kg = 1e-3, bonds = { linear = 1e5, cubic = { pattern = [1e12, 2e12] } } }\nends = { left = \"periodic\", right = \"periodic\" }\n\
      on_site = { linear_n_per_m = 10.0 }\nresonators = { mass_kg = 1e-4, stiffness_n_per_m = 1e4 }\n\
-     initial = { plane_wave = { cycles = 1.0, displacement_m = 1e-6 }, gaussian = { bead = 3.0, width_beads = 1.0, velocity_m_s = 0.1 } }\ntime = { duration_s = 1e-4 }",
+     initial = { plane_wave = { cycles = 1.0, displacement_m = 1e-6 }, gaussian = { bead = 3.0, width_beads = 1.0, velocity_m_s = 0.1 }, resonator_displacements_m = [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }\ntime = { duration_s = 1e-4 }",
     "chain = { beads = 6, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7, alphas = { pattern = [1.5, 2.0] }, second = { alpha = 3.0, stiffness = 1e9 }, gaps_m = 1e-6 }\n\
      initial = { thermal = { temperature_k = 1e15 } }\n\
      drive = [{ bead = 1, force_n = { table = { times_s = [0.0, 1.0], values = [1.0, 2.0] } } }, { bead = 3, velocity_m_s = { gaussian = { amplitude = 0.1, at_s = 1e-3, width_s = 1e-3 } } }]\n\
@@ -85,6 +85,8 @@ fn additions() -> Vec<Value> {
         json!({ "on_site": { "cubic_n_per_m3": 1e9 } }),
         json!({ "resonators": { "mass_kg": 0.0, "stiffness_n_per_m": 1e4 } }),
         json!({ "initial": { "displacements_m": [0.0, 1e-6] } }),
+        json!({ "initial": { "resonator_velocities_m_s": [0.0, 1e-6] } }),
+        json!({ "initial": { "resonator_displacements_m": [] } }),
         json!({ "initial": { "from": { "recording": "a", "step": 3 } } }),
         json!({ "initial": { "solitary": [{ "bead": 3.0, "velocity_m_s": 1.0 }] } }),
         json!({ "initial": { "thermal": { "temperature_k": 1.0, "energy_j": 1.0 } } }),

@@ -144,7 +144,8 @@ fn states_and_results_are_recorded_to_the_bit() {
         let pulses = fields(&ours["/pulses"].last().unwrap().2);
         assert!(pulses.contains_key(&4) && pulses[&4].len() == pulses[&8].len(), "{pulses:?}");
     }
-    place.run("verify recorded.mcap").exits(0);
+    let text = place.run("verify recorded.mcap").exits(0).stdout();
+    assert!(text.contains("rows of `/pulses`, by the states"), "{text}");
     place.run("energies recorded.mcap --out again.csv").exits(0);
     assert_eq!(place.read("again.csv"), place.read("energies.csv"));
 }

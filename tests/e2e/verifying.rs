@@ -1,8 +1,12 @@
 //! A recording proves itself.
 
 use crate::harness::Place;
-use recording::{RecordingSource, RecordingWriter, WriteOptions};
+use analyses::pulses::OFFER;
+use consumers::analysis::{Beginning, Outlet, Settings};
+use consumers::table::Cell;
+use recording::{RecordingSource, RecordingWriter, RowMessages, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
+use schemas::results::{ResultColumns, ResultRow, RowValues, Topic};
 
 const SMALL: &str = "run --beads 120 --impurity 60=0.6e-3 --duration 0.012 --name small";
 
@@ -100,4 +104,103 @@ fn what_is_no_recording_cannot_be_verified() {
     place.write("table.mcap", "time,energy\n");
     place.run("verify table.mcap").exits(2).says(&["not an MCAP file"]);
     place.run("verify nowhere.mcap").exits(2).says(&["nowhere.mcap"]);
+}
+
+/// Takes the rows that an analysis publishes.
+#[derive(Default)]
+struct Published(Vec<f64>);
+
+impl Outlet for Published {
+    fn wants(&self, _: usize) -> bool {
+        false
+    }
+
+    fn line(&mut self, _: usize, _: &[Cell]) {}
+
+    fn is_published(&self) -> bool {
+        true
+    }
+
+    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
+        row.numbers().clone_into(&mut self.0);
+    }
+}
+
+/// Copies `run.mcap` to `to`, with the rows of pulses above 0.01 from frame `first` on of an analysis that began `before` it, each as
+/// `change` leaves it; their channel tells the threshold as `told` says.
+fn with_pulses(
+    place: &Place,
+    (to, told): (&str, fn(&mut ResultColumns)),
+    (first, before): (u64, u64),
+    mut change: impl FnMut(u64, &mut Vec<f64>),
+) {
+    let mut source = RecordingSource::open(&place.path("run.mcap")).unwrap();
+    let manifest = source.manifest().clone();
+    let mut settings = Settings::default();
+    settings.set(&OFFER.settings[0], vec!["0.01".to_owned()]).unwrap();
+    let mut analysis = (OFFER.begin)(&Beginning::whole("pulses", &manifest, &settings)).unwrap();
+    let mut columns = OFFER.published(&*analysis).unwrap();
+    told(&mut columns);
+    let messages = RowMessages::new(Topic::results("pulses").unwrap(), &columns, &manifest).unwrap();
+    let options = WriteOptions { force: true, ..WriteOptions::default() };
+    let mut copy = RecordingWriter::create(&place.path(to), &manifest, "", &options).unwrap();
+    while let Received::Frame(frame) = source.receive().unwrap() {
+        copy.accept(&frame).unwrap();
+        if frame.frame + before < first {
+            continue;
+        }
+        let mut row = Published::default();
+        analysis.observe(&frame, &mut row);
+        change(frame.frame, &mut row.0);
+        if frame.frame >= first {
+            let Frame { frame, step, time_s, .. } = frame;
+            let row = ResultRow { frame, step, time_s, values: RowValues::Numbers(&row.0) };
+            copy.write_row(&messages, &row).unwrap();
+        }
+    }
+    copy.finish(EndReason::Complete).unwrap();
+}
+
+/// Rows of pulses are those of the states, wherever the analysis began; a row that is not is named.
+#[test]
+fn rows_of_pulses_are_made_again() {
+    let place = Place::new();
+    let (telling, silent): (fn(&mut ResultColumns), fn(&mut ResultColumns)) =
+        (|_| (), |columns| columns.names = columns.names.split(';').next().unwrap().to_owned());
+    for chain in [
+        "--preset light-impurity --beads 60 --impurity 30=0.6e-3 --duration 6e-3",
+        "--preset precompressed --beads 60 --impurity 30=2e-3 --duration 2e-3",
+        "--preset dimer --beads 60 --duration 2e-3",
+        "--preset disordered --beads 210 --duration 4e-3",
+        "--preset homogeneous --beads 2 --duration 1e-3",
+    ] {
+        place.run(&format!("run {chain} --out run.mcap --force")).exits(0);
+        for (first, before) in [(0, 0), (150, 0), (150, 150)] {
+            with_pulses(&place, ("rows.mcap", telling), (first, before), |_, _| ());
+            let text = place.run("verify rows.mcap").exits(0).stdout();
+            assert!(
+                text.contains("of `/pulses`, by the states") && !text.contains("they depend on"),
+                "{text}"
+            );
+        }
+    }
+    place.run("run --preset light-impurity --beads 60 --impurity 30=0.6e-3 --duration 6e-3 --out run.mcap --force").exits(0);
+    let forge = |frame: u64, row: &mut Vec<f64>| {
+        if frame == 400 {
+            row[2] = f64::from_bits(row[2].to_bits() ^ 1);
+        }
+    };
+    with_pulses(&place, ("forged.mcap", telling), (0, 0), forge);
+    let text = place.run("verify forged.mcap").exits(3).stdout();
+    assert!(text.contains("the row of frame 400 of /pulses: v_peak_m_s is"), "{text}");
+    let another = |columns: &mut ResultColumns| columns.names = columns.names.replace("1e-2", "2e-1");
+    with_pulses(&place, ("other.mcap", another), (0, 0), |_, _| ());
+    let found = place.run("verify other.mcap --json").exits(3).json();
+    assert!(found["rows"][0]["difference_count"].as_u64() > Some(0), "{found}");
+    // not wrong, if the threshold or the frames before are not known
+    for (told, first, before) in [(silent, 0, 0), (telling, 150, 100)] {
+        with_pulses(&place, ("unknown.mcap", told), (first, before), forge);
+        let text = place.run("verify unknown.mcap").exits(0).stdout();
+        assert!(text.contains("rows of `/pulses`: they depend on frames before"), "{text}");
+    }
 }

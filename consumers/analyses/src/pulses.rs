@@ -1,8 +1,8 @@
 //! Pulses: when they pass, how strong, fast and wide they are, where they come from and go.
 
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, RowValues, Setting,
-    TableFlag, Takes, Whereabouts, Words,
+    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, RowValues,
+    Setting, TableFlag, Takes, Whereabouts, Words,
 };
 use consumers::pulses::{
     Birth, Counts, Direction, Fate, Happening, Obstacles, Point, Pulse, Pulses, Strongest, UnderWay,
@@ -69,7 +69,11 @@ pub static OFFER: Offer = Offer {
         Meaning::number("energy_j", "its energy"),
     ],
     place: Whereabouts::Words(&["forward", "backward"]),
-    needs: Needs { longest_interval_steps: Some(Pulses::longest_fine_interval_steps), ..Needs::FRAMES },
+    needs: Needs {
+        remake: Remake::OfFramesBefore("threshold"),
+        longest_interval_steps: Some(Pulses::longest_fine_interval_steps),
+        ..Needs::FRAMES
+    },
     begin: |beginning| Ok(Box::new(PulseAnalysis::new(beginning))),
 };
 
@@ -115,6 +119,8 @@ const POINT_COLUMNS: [&str; 7] =
 /// Pulses of the frames of one run.
 pub struct PulseAnalysis {
     manifest: RunManifest,
+    /// Relative to the run's velocity scale.
+    threshold: f64,
     threshold_m_s: f64,
     pulses: Pulses,
     strongest: Strongest,
@@ -151,6 +157,7 @@ impl PulseAnalysis {
             map: beginning.is_drawn.then(|| Picture::new(extent)),
             row: Vec::new(),
             manifest,
+            threshold,
             threshold_m_s,
         }
     }
@@ -195,7 +202,7 @@ impl Analysis for PulseAnalysis {
     }
 
     fn published(&self) -> Option<ResultColumns> {
-        Some(ResultColumns::pulses(PUBLISHED))
+        Some(ResultColumns::pulses(PUBLISHED, self.threshold))
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {

@@ -1,6 +1,7 @@
 //! Draws a figure that is laid out.
 
-use super::layout::{LEADING, Layout, Look, Placed};
+use super::layout::{Layout, Placed};
+use super::look::{LEADING, Look};
 use super::panel::{Along, Curve, Panel, Reference};
 use super::path::Step;
 use super::raster::{Cells, Raster};

@@ -1,6 +1,6 @@
 //! The legend: rows of swatches and names above the axes.
 
-use super::layout::{LEADING, Look};
+use super::look::{LEADING, Look};
 use super::panel::Panel;
 use super::sheet::{Anchor, Pen, Rect, Sheet};
 use super::style::{Colour, Ink};

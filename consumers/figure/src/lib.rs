@@ -44,6 +44,7 @@ mod decimate;
 mod draw;
 mod layout;
 mod legend;
+mod look;
 mod note;
 mod panel;
 mod path;

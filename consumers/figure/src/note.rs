@@ -1,6 +1,6 @@
 //! A short text inside the axes, in the corner where it hides least.
 
-use super::layout::{LEADING, Look};
+use super::look::{LEADING, Look};
 use super::sheet::{Anchor, Rect, Sheet};
 use super::style::Colour;
 use super::text::{CAP_HEIGHT, width, wrap};

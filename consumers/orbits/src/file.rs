@@ -217,12 +217,15 @@ impl File {
     /// The configuration of a run over one period of `orbit`.
     ///
     /// # Errors
-    /// When no run begins there: resonators rest in their beads.
+    /// When the file cannot be read any more.
     pub fn config_of(&self, orbit: &Orbit) -> Result<RunConfig, ConfigError> {
         let (mut config, _) = self.at(orbit.unknown.parameter)?;
+        let [w_m, w_m_s] = orbit.physics.rows().resonators_of(&orbit.state.extra);
         config.initial = Initial {
             displacements_m: orbit.state.u_m.to_vec(),
             velocities_m_s: orbit.state.v_m_s.to_vec(),
+            resonator_displacements_m: w_m.to_vec(),
+            resonator_velocities_m_s: w_m_s.to_vec(),
             ..Initial::default()
         };
         config.time = TimeConfig { duration_s: orbit.period_s(), dt_s: Some(orbit.physics.dt_s) };
@@ -338,7 +341,14 @@ impl File {
             }
             let (u_m, v_m_s) = Physics::resolve(&config)?.initial_state();
             let velocities_m_s = if v_m_s.iter().all(|v| *v == 0.0) { Vec::new() } else { v_m_s };
-            self.seed = Initial { displacements_m: u_m, velocities_m_s, ..Initial::default() };
+            let Initial { resonator_displacements_m, resonator_velocities_m_s, .. } = config.initial;
+            self.seed = Initial {
+                displacements_m: u_m,
+                velocities_m_s,
+                resonator_displacements_m,
+                resonator_velocities_m_s,
+                ..Initial::default()
+            };
             return Ok(());
         };
         config.striker = Strikers::default();

@@ -2,6 +2,7 @@
 
 pub(crate) mod ahead;
 pub(crate) mod chunk;
+pub(crate) mod chunk_head;
 pub(crate) mod contents;
 pub(crate) mod decode;
 pub(crate) mod encoded;
@@ -13,3 +14,4 @@ pub(crate) mod parse;
 pub(crate) mod records;
 pub(crate) mod salvage;
 pub(crate) mod source;
+pub(crate) mod summary;

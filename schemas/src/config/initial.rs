@@ -15,6 +15,12 @@ pub struct Initial {
     /// Velocity of each bead (m/s), N values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub velocities_m_s: Vec<f64>,
+    /// Displacement of each resonator (m), N values, in place of those of their beads.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub resonator_displacements_m: Vec<f64>,
+    /// Velocity of each resonator (m/s), N values, in place of rest.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub resonator_velocities_m_s: Vec<f64>,
     /// A bell curve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaussian: Option<Gaussian>,

@@ -297,3 +297,20 @@ fn without_sign(striker: StrikerConfig) -> StrikerConfig {
 fn is_zero(seed: &u64) -> bool {
     *seed == 0
 }
+
+/// The larger of two numbers, none of them NaN.
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, none of them NaN.
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The smallest and the largest of some numbers, none of them NaN.
+fn range(values: &[f64]) -> (f64, f64) {
+    values
+        .iter()
+        .fold((f64::INFINITY, 0.0), |(low, high), value| (smaller(low, *value), larger(high, *value)))
+}

@@ -24,6 +24,9 @@ pub const MOTION: [(&str, &str); 4] =
 /// A pulse under way.
 pub const PULSE: [&str; 5] = ["pulse", "bead", "v_peak_m_s", "velocity_beads_per_s", "fwhm_beads"];
 
+/// The word before the threshold of pulses, at the end of the names of their columns.
+const THRESHOLD: &str = "; threshold ";
+
 /// The rows whose messages have arrays.
 static OF_THINGS: [Things; 2] = [
     Things {
@@ -58,10 +61,17 @@ impl ResultColumns {
         Self { width: beads.len() * MOTION.len(), names, tolerance_m: None }
     }
 
-    /// Columns for `count` pulses; a pulse that is missing is NaN.
-    pub fn pulses(count: usize) -> Self {
-        let names = format!("for each of {count} pulses: {}; nan where there is none", PULSE.join(","));
+    /// Columns for `count` pulses above `threshold`, relative to L/T; a pulse that is missing is NaN.
+    pub fn pulses(count: usize, threshold: f64) -> Self {
+        let each = PULSE.join(",");
+        let names =
+            format!("for each of {count} pulses: {each}; nan where there is none{THRESHOLD}{threshold:e}");
         Self { width: count * PULSE.len(), names, tolerance_m: None }
+    }
+
+    /// The threshold of pulses, if the names tell it.
+    pub fn threshold(&self) -> Option<f64> {
+        self.names.rsplit_once(THRESHOLD)?.1.parse().ok()
     }
 
     /// Columns for the class of each of `count` contacts, of which those within the tolerance (m) are touching.

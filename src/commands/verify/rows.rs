@@ -35,13 +35,31 @@ pub(crate) struct RowsChecked {
     pub(crate) difference_count: u64,
     /// Rows that could not be compared, and why.
     pub(crate) not_checked: Vec<String>,
+    /// Rows that differ, perhaps because of frames before them that are not known.
+    #[serde(skip)]
+    unknown_count: u64,
+}
+
+/// A row beside the one that the states give.
+enum Compared {
+    Same,
+    Differs(String),
+    /// They differ, but the row depends on frames that are not known.
+    Unknown,
+}
+
+impl From<Option<String>> for Compared {
+    fn from(wrong: Option<String>) -> Self {
+        wrong.map_or(Self::Same, Self::Differs)
+    }
 }
 
 impl RowsChecked {
-    fn compare(&mut self, frame: u64, wrong: Option<String>) {
-        let Some(wrong) = wrong else {
-            self.proven_count += 1;
-            return;
+    fn compare(&mut self, frame: u64, compared: Compared) {
+        let wrong = match compared {
+            Compared::Same => return self.proven_count += 1,
+            Compared::Unknown => return self.unknown_count += 1,
+            Compared::Differs(wrong) => wrong,
         };
         self.difference_count += 1;
         if self.differences.len() < MOST_DIFFERENCES {
@@ -63,7 +81,7 @@ struct Reader {
 enum Checker {
     /// Rows that depend on the frames before.
     Energies(Box<EnergyRows>),
-    /// Rows of any other analysis, each made again of its frame.
+    /// Rows of any other analysis.
     Remade(RemadeRows),
 }
 
@@ -185,20 +203,21 @@ impl Reader {
             self.advance();
         }
         let row = self.next.as_ref().filter(|row| row.frame == frame.frame);
-        let wrong = match (&mut self.checker, row.map(|row| (row, row.values.lend()))) {
+        let compared = match (&mut self.checker, row.map(|row| row.values.lend())) {
             // they know what was before the first row
-            (Checker::Energies(energies), None) => energies.take(frame, None),
-            (_, None) => return,
-            (Checker::Energies(energies), Some((_, RowValues::Numbers(values)))) => {
-                energies.take_named(frame, &self.rows.names(), values)
+            (Checker::Energies(energies), None) => energies.take(frame, None).into(),
+            (Checker::Energies(energies), Some(RowValues::Numbers(values))) => {
+                energies.take_named(frame, &self.rows.names(), values).into()
             }
-            (Checker::Energies(_), Some(_)) => Some("its values are of another type".to_owned()),
-            (Checker::Remade(remade), Some((row, _))) => {
-                remade.difference(manifest, frame, &self.rows.names(), row)
+            (Checker::Energies(_), Some(_)) => Compared::Differs("its values are of another type".to_owned()),
+            (Checker::Remade(remade), _) => {
+                let Some(next) = &self.next else { return };
+                let Some(compared) = remade.take(manifest, frame, &self.rows.names(), next) else { return };
+                compared
             }
         };
         if row.is_some() {
-            self.found.compare(frame.frame, wrong);
+            self.found.compare(frame.frame, compared);
             self.advance();
         }
     }
@@ -219,6 +238,12 @@ impl Reader {
             }
         }
         let topic = &self.found.topic;
+        if self.found.unknown_count > 0 {
+            let count = self.found.unknown_count;
+            let why =
+                "they depend on frames before them that are not here, or on a threshold that is not told";
+            self.found.not_checked.push(format!("{count} rows of `{topic}`: {why}"));
+        }
         if self.stateless_count > 0 {
             let count = self.stateless_count;
             self.found

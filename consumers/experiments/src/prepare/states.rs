@@ -89,6 +89,11 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
     if !(energy_per_bead_j > 0.0 && energy_per_bead_j <= 1e100) {
         return Err(refused(key, format!("found {energy_per_bead_j}; allowed: more than 0, up to 1e100 J")));
     }
+    let initial = &config.initial;
+    if !initial.resonator_displacements_m.is_empty() || !initial.resonator_velocities_m_s.is_empty() {
+        let why = "found beside a state of resonators; allowed: resonators that rest in their beads";
+        return Err(refused(key, why.to_owned()));
+    }
     // the step is that of the scaled state
     let free = RunConfig { time: TimeConfig { dt_s: None, ..config.time }, ..config.clone() };
     let physics = Physics::resolve(&free)?;

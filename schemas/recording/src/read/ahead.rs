@@ -3,7 +3,7 @@
 //! The result is a hint: the reader takes it only for a chunk that it has read itself and found to be the same.
 //! Problems are not reported here, because the reader meets them, too.
 
-use crate::read::chunk::{ChunkHead, decompress};
+use crate::read::chunk_head::{ChunkHead, decompress};
 use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use mcap::records::op;
 use std::sync::mpsc::{Receiver, Sender, channel};

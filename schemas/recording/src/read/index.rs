@@ -7,8 +7,8 @@
 use crate::error::ReadError;
 use crate::log_time_ns;
 use crate::read::contents::Contents;
-use crate::read::info::{next_of_summary, seek_summary};
 use crate::read::records::RecordReader;
+use crate::read::summary::{next_of_summary, seek_summary};
 use mcap::records::{ChunkIndex, Record, op};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;

@@ -1,22 +1,18 @@
 //! The contents of a recording, found without reading all of it where possible.
 
 use crate::error::ReadError;
-use crate::head::{self, BeginRecord, EndRecord};
+use crate::head::{BeginRecord, EndRecord};
 use crate::proto;
-use crate::read::contents::{Channel, Contents, parse_metadata};
+use crate::read::contents::{Channel, Contents};
 use crate::read::decode;
 use crate::read::messages::MessageReader;
-use crate::read::parse::parse_record;
-use crate::read::records::{RawRecord, RecordReader};
-use mcap::records::{Footer, MetadataIndex, Record, Statistics, op};
+use crate::read::records::RecordReader;
+use crate::read::summary::SummarySection;
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Opcode, length and contents of the footer, and the magic.
-const FOOTER_BYTES: u64 = 9 + 20 + 8;
 
 /// A glance at a file without a summary reads this much of its chunks, before compression, plus a multiple of the file.
 const GLANCE_BYTES: u64 = 4 << 30;
@@ -92,7 +88,7 @@ impl RecordingInfo {
         messages.read_head()?;
         let (mut records, contents, manifest) = messages.into_parts();
         if let Some(summary) = SummarySection::read(&mut records) {
-            return Ok(summary.into_info(path, &records, contents, manifest));
+            return Ok(summarized(summary, path, &records, contents, manifest));
         }
         Ok(Self {
             path: path.to_owned(),
@@ -208,105 +204,26 @@ fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo
     contents.channels.iter().map(info).collect()
 }
 
-/// The channels that the summary section of a closed file has, if it has a valid one.
-pub(crate) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap<u16, Channel>> {
-    SummarySection::read(records).map(|summary| summary.contents.channels)
-}
-
-/// Messages of each topic, as the summary section of a closed file has them, if it has a valid one.
-pub(crate) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<String, u64>> {
-    let SummarySection { contents, statistics, .. } = SummarySection::read(records)?;
-    let count = |id| statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
-    Some(contents.by_topic(|id, _| Some(count(id))))
-}
-
-/// Contents of the summary section of a closed file.
-struct SummarySection {
-    contents: Contents,
-    statistics: Statistics,
-    uncompressed_bytes: u64,
-    end: EndRecord,
-}
-
-impl SummarySection {
-    /// Reads and validates the section; none if it is missing or invalid.
-    fn read(records: &mut RecordReader) -> Option<Self> {
-        seek_summary(records)?;
-        let mut contents = Contents::default();
-        let (mut statistics, mut end_index) = (None, None);
-        let (mut uncompressed_bytes, mut chunks) = (0_u64, 0);
-        loop {
-            match next_of_summary(records)? {
-                Record::Footer(_) => break,
-                Record::Statistics(found) => statistics = Some(found),
-                Record::ChunkIndex(index) => {
-                    uncompressed_bytes = uncompressed_bytes.checked_add(index.uncompressed_size)?;
-                    chunks += 1;
-                }
-                Record::MetadataIndex(index) if index.name == head::END => end_index = Some(index),
-                record => contents.add(record).ok()?,
-            }
-        }
-        let statistics: Statistics = statistics.filter(|found: &Statistics| found.chunk_count == chunks)?;
-        let end = read_end(records, &end_index?)?;
-        Some(Self { contents, statistics, uncompressed_bytes, end })
+/// The contents of the recording `path` by its summary section, and by the `head` that `records` have read.
+fn summarized(
+    summary: SummarySection,
+    path: &Path,
+    records: &RecordReader,
+    head: Contents,
+    manifest: RunManifest,
+) -> RecordingInfo {
+    RecordingInfo {
+        path: path.to_owned(),
+        manifest,
+        run_toml: head.run_toml,
+        channels: channels(&summary.contents, &summary.statistics.channel_message_counts),
+        first_step: summary.end.first_step,
+        last_step: summary.end.last_step,
+        file_bytes: records.file_bytes(),
+        uncompressed_bytes: summary.uncompressed_bytes,
+        begin: head.begin,
+        end: Some(summary.end),
+        finished: true,
+        damage: None,
     }
-
-    fn into_info(
-        self,
-        path: &Path,
-        records: &RecordReader,
-        head: Contents,
-        manifest: RunManifest,
-    ) -> RecordingInfo {
-        RecordingInfo {
-            path: path.to_owned(),
-            manifest,
-            run_toml: head.run_toml,
-            channels: channels(&self.contents, &self.statistics.channel_message_counts),
-            first_step: self.end.first_step,
-            last_step: self.end.last_step,
-            file_bytes: records.file_bytes(),
-            uncompressed_bytes: self.uncompressed_bytes,
-            begin: head.begin,
-            end: Some(self.end),
-            finished: true,
-            damage: None,
-        }
-    }
-}
-
-/// Goes to the summary section of a closed file and returns where it starts, if it has one.
-pub(crate) fn seek_summary(records: &mut RecordReader) -> Option<u64> {
-    if !records.is_closed() {
-        return None;
-    }
-    let footer_offset = records.file_bytes().checked_sub(FOOTER_BYTES)?;
-    records.seek(footer_offset).ok()?;
-    let Record::Footer(Footer { summary_start, .. }) = next_of_summary(records)? else {
-        return None;
-    };
-    if summary_start == 0 || summary_start > footer_offset {
-        return None;
-    }
-    records.seek_summary(summary_start).ok()?;
-    Some(summary_start)
-}
-
-/// The next record, if a summary may hold it. At the footer the section's CRC has been checked.
-pub(crate) fn next_of_summary(records: &mut RecordReader) -> Option<Record<'static>> {
-    let RawRecord { opcode, body, .. } = records.next().ok()??;
-    // chunks do not belong here
-    (opcode != op::CHUNK).then(|| parse_record(opcode, body).ok().map(Record::into_owned))?
-}
-
-fn read_end(records: &mut RecordReader, index: &MetadataIndex) -> Option<EndRecord> {
-    if index.offset >= records.file_bytes() {
-        return None;
-    }
-    records.seek(index.offset).ok()?;
-    let path = records.path().to_owned();
-    let RawRecord { opcode, offset, body } = records.next().ok()??;
-    let metadata = (opcode == op::METADATA).then(|| parse_metadata(&path, offset, body).ok())??;
-    (metadata.name == head::END).then(|| EndRecord::from_metadata(&metadata).ok())?
 }

@@ -2,7 +2,7 @@
 
 use crate::error::ReadError;
 use crate::head;
-use crate::read::chunk::ChunkHead;
+use crate::read::chunk_head::ChunkHead;
 use crate::read::records::{RECORD_HEAD_BYTES, RecordReader};
 use crate::repair::layout::Layout;
 use mcap::records::op;

@@ -10,11 +10,11 @@ use crate::head::{BeginRecord, EndRecord};
 use crate::log_time_ns;
 use crate::proto;
 use crate::read::decode::{self, StateHead, StateLengths};
-use crate::read::info;
 use crate::read::messages::{MessageReader, RawMessage};
 use crate::read::others::OtherMessage;
 use crate::read::records::RecordReader;
 use crate::read::salvage::{Damage, DamageKind, LostFrames};
+use crate::read::summary;
 use crate::results::row_messages::{RowHead, name_of_results};
 use crate::write::encode;
 use crate::write::schedule::Schedule;
@@ -150,7 +150,7 @@ impl Audit {
 
     /// Numbers of messages that the recording `path` should have, by topic, if its summary section has them.
     pub fn expected_counts(path: &Path) -> Option<BTreeMap<String, u64>> {
-        info::counts_of_summary(&mut RecordReader::open(path).ok()?)
+        summary::counts_of_summary(&mut RecordReader::open(path).ok()?)
     }
 
     /// The run.

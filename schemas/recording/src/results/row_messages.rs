@@ -16,6 +16,9 @@ use schemas::results::{
 const OURS: &str = "beadline.v1";
 const OWN: &str = "beadline.own";
 
+/// Key of the threshold in the metadata of a channel.
+const THRESHOLD: &str = "threshold";
+
 /// The fields that begin every row of results.
 #[derive(Clone, Copy, PartialEq, prost::Message)]
 pub(crate) struct RowHead {
@@ -47,8 +50,9 @@ enum Layout {
     Columns(Vec<String>),
     /// One array of all values, with its length where that is known.
     Array(String, Option<usize>),
-    /// An array for each quantity of things. The numbers are those of the things, for rows that do not carry them.
-    Things(&'static Things, Option<Vec<u64>>),
+    /// An array for each quantity of things. The numbers are those of the things, for rows that do not carry them. The
+    /// threshold decided which things there are, if it is known.
+    Things(&'static Things, Option<Vec<u64>>, Option<f64>),
     /// The class of each contact.
     Classes { tolerance_m: f64 },
 }
@@ -68,6 +72,8 @@ pub struct RecordedRow {
     pub things: Vec<u64>,
     /// The largest overlap or gap (m) that counted as touching, for rows of classes.
     pub tolerance_m: Option<f64>,
+    /// The threshold that decided which things there are, such as pulses; none if the channel does not tell it.
+    pub threshold: Option<f64>,
 }
 
 /// The name of the results in the channel, if its messages are rows of results: of our analyses or of somebody else's.
@@ -93,7 +99,7 @@ impl RowMessages {
         } else if let Some(things) = Things::of_topic(name.as_str()) {
             let impurities: Vec<_> =
                 manifest.physics.impurities.iter().map(|impurity| impurity.bead).collect();
-            Layout::Things(things, things.numbers_of(columns, &impurities)?)
+            Layout::Things(things, things.numbers_of(columns, &impurities)?, columns.threshold())
         } else {
             let fields = columns.fields()?;
             match fields[..] {
@@ -116,7 +122,8 @@ impl RowMessages {
         let layout = if channel.schema.name == proto::CONTACTS.message {
             Layout::Classes { tolerance_m: f64::NAN }
         } else if let Some(things) = things {
-            Layout::Things(things, None)
+            let threshold = channel.metadata.get(THRESHOLD).and_then(|text| text.parse().ok());
+            Layout::Things(things, None, threshold)
         } else {
             match columns_of(&channel.schema.text, message)? {
                 (columns, true) => Layout::Array(columns.concat(), None),
@@ -134,7 +141,15 @@ impl RowMessages {
     /// Adds the channel to `file`.
     pub(crate) fn add_to(&self, file: &mut ChannelWriter) -> Result<ChannelId, WriteError> {
         let package = if self.is_ours { OURS } else { OWN };
-        file.add_described(&self.topic, &format!("{package}.{}", self.message), &self.descriptor())
+        let message = format!("{package}.{}", self.message);
+        let threshold = |threshold: f64| (THRESHOLD.to_owned(), format!("{threshold:e}"));
+        let metadata = self.threshold().map(threshold).into_iter().collect();
+        let schema = file.add_schema(&message, "protobuf", &self.descriptor())?;
+        file.define_channel(schema, &self.topic, "protobuf", &metadata)
+    }
+
+    fn threshold(&self) -> Option<f64> {
+        if let Layout::Things(_, _, threshold) = self.layout { threshold } else { None }
     }
 
     /// Names of the values of a row: of all values, or of the values of each thing.
@@ -142,7 +157,7 @@ impl RowMessages {
         match &self.layout {
             Layout::Columns(names) => names.iter().map(String::as_str).collect(),
             Layout::Array(name, _) => vec![name],
-            Layout::Things(things, _) => things.fields.to_vec(),
+            Layout::Things(things, ..) => things.fields.to_vec(),
             Layout::Classes { .. } => Vec::new(),
         }
     }
@@ -151,7 +166,7 @@ impl RowMessages {
     pub(crate) fn descriptor(&self) -> Vec<u8> {
         let things = match self.layout {
             Layout::Classes { .. } => return (proto::CONTACTS.descriptor)().to_vec(),
-            Layout::Things(things, _) => Some(things),
+            Layout::Things(things, ..) => Some(things),
             _ => None,
         };
         let (package, directory) = if self.is_ours { (OURS, "v1") } else { (OWN, "own") };
@@ -201,7 +216,7 @@ impl RowMessages {
             double::encode(3, &time_s, message);
         }
         match &self.layout {
-            Layout::Things(things, named) => encode_things(things, named.as_deref(), numbers, message)?,
+            Layout::Things(things, named, _) => encode_things(things, named.as_deref(), numbers, message)?,
             Layout::Array(_, width) => {
                 wide(width.unwrap_or(numbers.len()))?;
                 double::encode_packed(FIRST_COLUMN, numbers, message);
@@ -224,7 +239,8 @@ impl RowMessages {
             unpack(&row.classes, contacts, &mut classes);
             let (values, tolerance_m) = (KeptValues::Classes(classes), Some(row.tolerance_m));
             let ContactClasses { frame, step, time_s, .. } = row;
-            return Ok(RecordedRow { frame, step, time_s, values, things: Vec::new(), tolerance_m });
+            let (things, threshold) = (Vec::new(), None);
+            return Ok(RecordedRow { frame, step, time_s, values, things, tolerance_m, threshold });
         }
         let (RowHead { frame, step, time_s }, things, columns) = self.fields(message).map_err(not)?;
         let whole = |length: usize| {
@@ -233,7 +249,7 @@ impl RowMessages {
         };
         let numbers = match self.layout {
             Layout::Columns(_) => whole(1).map(|()| columns.concat())?,
-            Layout::Things(layout, _) => {
+            Layout::Things(layout, ..) => {
                 whole(things.len())?;
                 let mut numbers = Vec::new();
                 for (at, thing) in things.iter().enumerate() {
@@ -246,7 +262,8 @@ impl RowMessages {
             _ => columns.concat(),
         };
         let values = KeptValues::Numbers(numbers);
-        Ok(RecordedRow { frame, step, time_s, values, things, tolerance_m: None })
+        let (tolerance_m, threshold) = (None, self.threshold());
+        Ok(RecordedRow { frame, step, time_s, values, things, tolerance_m, threshold })
     }
 
     fn fields(&self, mut message: &[u8]) -> Result<Fields, DecodeError> {
@@ -282,7 +299,7 @@ fn message_name(name: ResultsName, layout: &Layout) -> String {
     let words = name.name().split('-');
     let plain = match layout {
         Layout::Classes { .. } => return "ContactClasses".to_owned(),
-        Layout::Things(things, _) => return things.message.to_owned(),
+        Layout::Things(things, ..) => return things.message.to_owned(),
         _ if name.is_own() => name.name().replace('-', "_"),
         _ => words.map(|word| word[..1].to_ascii_uppercase() + &word[1..]).collect(),
     };
@@ -383,7 +400,7 @@ mod tests {
                 include_bytes!(concat!(env!("OUT_DIR"), "/impurity_motion.binpb")),
             ),
             (
-                rows("pulses", &ResultColumns::pulses(2)),
+                rows("pulses", &ResultColumns::pulses(2, 1e-3)),
                 include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
             ),
         ];
@@ -443,7 +460,7 @@ mod tests {
             (rows("energies", &ResultColumns::named(&ENERGIES)), numbers(&DOUBLES), vec![]),
             (rows("own/a", &ResultColumns::array("a_m", 11)), numbers(&DOUBLES), vec![]),
             (rows("impurity", &ResultColumns::motion(&[3, 5])), numbers(&DOUBLES[..8]), vec![3, 5]),
-            (rows("pulses", &ResultColumns::pulses(2)), numbers(&pulse), vec![2]),
+            (rows("pulses", &ResultColumns::pulses(2, 1e-3)), numbers(&pulse), vec![2]),
             (
                 rows("contacts", &ResultColumns::contacts(classes.len(), 1e-9)),
                 RowValues::Classes(&classes),
@@ -471,7 +488,7 @@ mod tests {
         let contacts = ResultColumns::contacts(manifest().contact_count(), 0.0);
         assert!(refused("contacts", &contacts, RowValues::Classes(&[3])));
         assert!(refused("contacts", &contacts, numbers(&DOUBLES)));
-        assert!(refused("pulses", &ResultColumns::pulses(1), numbers(&[1.5, 0.0, 0.0, 0.0, 0.0])));
+        assert!(refused("pulses", &ResultColumns::pulses(1, 1e-3), numbers(&[1.5, 0.0, 0.0, 0.0, 0.0])));
         assert!(refused("own/x", &ResultColumns::array("a", 2), numbers(&DOUBLES[..1])));
     }
 

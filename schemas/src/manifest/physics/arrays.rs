@@ -4,7 +4,7 @@
 //! manifest to the same arrays.
 
 use super::disorder::Resolved;
-use super::{Physics, usize_of};
+use super::{Physics, larger, usize_of};
 use crate::chain::{Chain, Wall, Walls};
 use crate::config::{End, MassRule, Sphere, StiffnessRule};
 use crate::contact::ContactLaw;
@@ -266,16 +266,6 @@ fn balance<'a>(
         }
     }
     f64::from_bits(low)
-}
-
-/// The larger of two numbers, none of them NaN.
-pub(super) fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// The smaller of two numbers, none of them NaN.
-pub(super) fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
 }
 
 /// Masses, and contacts in static equilibrium.

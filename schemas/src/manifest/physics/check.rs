@@ -1,8 +1,7 @@
 //! Checks of the physics of a run.
 
-use super::Physics;
-use super::arrays::{larger, smaller};
 use super::disorder::Resolved;
+use super::{Physics, larger, range};
 use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
 use crate::damping::Damping;
 use crate::manifest::{KERNEL_VERSION, MAX_BEADS, MAX_STEPS};
@@ -253,7 +252,8 @@ impl Physics {
         let velocity_m_s = self.striker.velocity_m_s;
         let is_moved = self.typical_speed_m_s() > 0.0
             || self.typical_overlap_m() > 0.0
-            || self.initial.displacements_m.iter().any(|u_m| *u_m != 0.0);
+            || self.initial.displacements_m.iter().any(|u_m| *u_m != 0.0)
+            || self.initial.resonator_displacements_m.iter().any(|w_m| *w_m != 0.0);
         if !is_moved && self.load.is_none() {
             if !self.is_moved_otherwise() && self.strikers.is_empty() {
                 let allowed = "a velocity other than 0: nothing else would set this chain in motion";
@@ -377,13 +377,6 @@ pub(super) struct Extremes {
     pub(super) heaviest_kg: f64,
     pub(super) softest: f64,
     pub(super) stiffest: f64,
-}
-
-/// The smallest and the largest of some numbers, none of them NaN.
-pub(super) fn range(values: &[f64]) -> (f64, f64) {
-    values
-        .iter()
-        .fold((f64::INFINITY, 0.0), |(low, high), value| (smaller(low, *value), larger(high, *value)))
 }
 
 /// Checks that a list has one positive value for each of `count` beads or contacts.

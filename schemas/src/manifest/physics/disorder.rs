@@ -1,7 +1,6 @@
 //! Random changes of the masses and stiffnesses that the rules give.
 
-use super::Physics;
-use super::check::range;
+use super::{Physics, range};
 use crate::config::{ConfigError, Disorder, Disordered, End, Sphere, StiffnessRule};
 use crate::functions::exp;
 use crate::philox::uniform;

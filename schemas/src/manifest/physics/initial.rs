@@ -1,8 +1,7 @@
 //! The state at step 0: its checks, and its values.
 
-use super::arrays::larger;
 use super::check::check_positive;
-use super::{Physics, usize_of};
+use super::{Physics, larger, usize_of};
 use crate::bath::BOLTZMANN_J_K;
 use crate::config::{ConfigError, End, Gaussian, ModeShape, PlaneWave, Thermal};
 use crate::drive::{Drive, Place, Quantity};
@@ -36,18 +35,7 @@ impl Physics {
                 return Err(ConfigError::value(key, "a rule", allowed));
             }
         }
-        let lists =
-            [("displacements_m", &initial.displacements_m), ("velocities_m_s", &initial.velocities_m_s)];
-        for (name, list) in lists {
-            let key = format!("initial.{name}");
-            if !list.is_empty() && list.len() as u64 != self.beads {
-                let allowed = format!("{} values, one for each bead", self.beads);
-                return Err(ConfigError::value(&key, format!("{} values", list.len()), &allowed));
-            }
-            if let Some(wrong) = list.iter().find(|value| value.is_nan() || value.abs() > 1e100) {
-                return Err(ConfigError::number(&key, *wrong, "numbers up to 1e100"));
-            }
-        }
+        self.check_lists()?;
         let shapes = initial.gaussian.iter().flat_map(|bell| {
             let Gaussian { bead, displacement_m, velocity_m_s, width_beads: _ } = *bell;
             [
@@ -110,6 +98,30 @@ impl Physics {
         Ok(())
     }
 
+    /// Checks the lists of values for each bead.
+    fn check_lists(&self) -> Result<(), ConfigError> {
+        let initial = &self.initial;
+        for (key, list) in [
+            ("initial.displacements_m", &initial.displacements_m),
+            ("initial.velocities_m_s", &initial.velocities_m_s),
+            ("initial.resonator_displacements_m", &initial.resonator_displacements_m),
+            ("initial.resonator_velocities_m_s", &initial.resonator_velocities_m_s),
+        ] {
+            if !list.is_empty() && key.contains("resonator") && self.resonators.is_none() {
+                let allowed = "none without `resonators`, which it would move";
+                return Err(ConfigError::value(key, format!("{} values", list.len()), allowed));
+            }
+            if !list.is_empty() && list.len() as u64 != self.beads {
+                let allowed = format!("{} values, one for each bead", self.beads);
+                return Err(ConfigError::value(key, format!("{} values", list.len()), &allowed));
+            }
+            if let Some(wrong) = list.iter().find(|value| value.is_nan() || value.abs() > 1e100) {
+                return Err(ConfigError::number(key, *wrong, "numbers up to 1e100"));
+            }
+        }
+        Ok(())
+    }
+
     /// Displacements (m) and velocities (m/s) at step 0, N values each.
     pub fn initial_state(&self) -> (Vec<f64>, Vec<f64>) {
         let beads = usize_of(self.beads);
@@ -152,15 +164,19 @@ impl Physics {
         (u_m, v_m_s)
     }
 
-    /// The rows of `extra` at step 0 for the displacements `u_m`: resonators rest in their beads, no work has been done. What a
-    /// method carries is 0 here.
+    /// The rows of `extra` at step 0 for the displacements `u_m`: resonators rest in their beads unless they have a state of their own,
+    /// no work has been done. What a method carries is 0 here.
     pub fn initial_extra(&self, u_m: &[f64]) -> Vec<f64> {
         let rows = self.rows();
         let mut extra = vec![0.0; rows.count() * u_m.len()];
-        let [w_m, _, _, drives] = rows.split_mut(&mut extra);
+        let [w_m, w_m_s, _, drives] = rows.split_mut(&mut extra);
         if rows.resonators {
             w_m.copy_from_slice(u_m);
         }
+        let initial = &self.initial;
+        // −0 is 0
+        w_m.iter_mut().zip(&initial.resonator_displacements_m).for_each(|(w, given)| *w = given + 0.0);
+        w_m_s.iter_mut().zip(&initial.resonator_velocities_m_s).for_each(|(w, given)| *w = given + 0.0);
         let start = Moment::new(0, self.dt_s, 0.0);
         for (d, drive) in self.drives.iter().enumerate() {
             drives[2 * d + 1] = starts_at(drive, start).0 + 0.0;
@@ -192,7 +208,7 @@ impl Physics {
         let mut with = |speed_m_s: f64| most = larger(most, speed_m_s.abs());
         std::iter::once(&self.striker).chain(&self.strikers).for_each(|striker| with(striker.velocity_m_s));
         let initial = &self.initial;
-        initial.velocities_m_s.iter().for_each(|v| with(*v));
+        initial.velocities_m_s.iter().chain(&initial.resonator_velocities_m_s).for_each(|v| with(*v));
         initial.gaussian.iter().for_each(|bell| with(bell.velocity_m_s));
         initial.plane_wave.iter().for_each(|wave| with(wave.velocity_m_s));
         initial.mode.iter().for_each(|mode| with(mode.velocity_m_s));
@@ -238,6 +254,13 @@ impl Physics {
                 Quantity::Displacement => with(drive.waveform.largest()),
                 Quantity::Force => pushed_n = larger(pushed_n, drive.waveform.largest()),
                 Quantity::Velocity => {}
+            }
+        }
+        if let Some(resonators) = &self.resonators {
+            let stiffest = resonators.stiffness_n_per_m.largest();
+            for (i, w) in initial.resonator_displacements_m.iter().enumerate() {
+                let stretch_m = w - u_m.get(i).copied().unwrap_or(0.0);
+                pushed_n = larger(pushed_n, stiffest * stretch_m.abs());
             }
         }
         // a power takes microseconds, and there may be a force on every other bead

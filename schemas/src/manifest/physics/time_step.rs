@@ -2,8 +2,7 @@
 
 mod limits;
 
-use super::Physics;
-use super::arrays::{larger, smaller};
+use super::{Physics, larger, smaller};
 use crate::config::{ConfigError, End, TimeConfig};
 use crate::damping::Damping;
 use crate::manifest::MAX_STEPS;

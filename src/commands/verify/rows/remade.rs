@@ -1,22 +1,32 @@
 //! Rows of any analysis, made again of their frames with the settings that the rows tell.
+//!
+//! Where a row depends on the frames before, the analysis may have begun with the first state that there is, or with its
+//! first row. Another beginning, or frames that it missed, cannot be known: then a row that differs is not wrong.
 
-use super::is_same;
-use consumers::analysis::{Analysis, Beginning, LastRow, Offer, Refusal, Remake, Settings};
+use super::{Compared, is_same};
+use consumers::analysis::{Analysis, Beginning, Offer, Outlet, Refusal, Remake, Settings};
+use consumers::table::Cell;
 use recording::RecordedRow;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::RowValues;
+use schemas::results::{KeptValues, RowValues};
 
 /// The rows of one topic.
 pub(super) struct RemadeRows {
     offer: &'static Offer,
     begun: Option<Begun>,
+    /// Number of the last row's frame.
+    last: Option<u64>,
+    /// False if the analysis may have begun, or gone on, with frames that are not known.
+    is_sure: bool,
 }
 
 /// The analysis with some settings.
 struct Begun {
     told: Told,
-    analysis: Box<dyn Analysis>,
+    /// Begun with the first frame and, where rows depend on those before, with the first row, too; without those that differed
+    /// where another did not.
+    analyses: Vec<Box<dyn Analysis>>,
     /// Names of its columns, where the file tells them, too.
     names: Option<String>,
 }
@@ -30,7 +40,8 @@ impl RemadeRows {
         let name = topic.strip_prefix('/')?;
         let (name, is_added) = name.strip_prefix("own/").map_or((name, false), |name| (name, true));
         let offer = analyses::named(name).filter(|offer| analyses::is_added(offer) == is_added)?;
-        (!matches!(offer.needs.remake, Remake::Not)).then_some(Self { offer, begun: None })
+        let can_be = !matches!(offer.needs.remake, Remake::Not);
+        can_be.then_some(Self { offer, begun: None, last: None, is_sure: true })
     }
 
     /// The settings that a row tells, of columns with these names.
@@ -43,6 +54,9 @@ impl RemadeRows {
                     setting,
                     row.tolerance_m.iter().map(|tolerance_m| format!("{tolerance_m:e}")).collect(),
                 )]
+            }
+            Remake::OfFramesBefore(setting) => {
+                vec![(setting, row.threshold.iter().map(|threshold| format!("{threshold:e}")).collect())]
             }
             Remake::OfNames { setting, also, value } => {
                 let mut told = vec![(*setting, names.iter().copied().filter_map(value).collect())];
@@ -63,31 +77,93 @@ impl RemadeRows {
         // things and classes have the names of their message
         let are_told = matches!(self.offer.needs.remake, Remake::OfFrame | Remake::OfNames { .. });
         let columns = self.offer.published(&*analysis).filter(|_| are_told);
-        Ok(Begun { told, analysis, names: columns.map(|columns| columns.names) })
+        Ok(Begun { told, analyses: vec![analysis], names: columns.map(|columns| columns.names) })
     }
 
-    /// The difference between the row of `frame`, of columns with these names, and the one that the frame gives.
-    pub(super) fn difference(
+    /// Looks at `frame`, and compares `row`, of columns with these names, if it is the one of this frame.
+    pub(super) fn take(
         &mut self,
         manifest: &RunManifest,
         frame: &Frame<'_>,
         names: &[&str],
         row: &RecordedRow,
-    ) -> Option<String> {
+    ) -> Option<Compared> {
+        let (is_row, offer) = (row.frame == frame.frame, self.offer);
+        let follows = matches!(offer.needs.remake, Remake::OfFramesBefore(_));
+        if !is_row && !follows {
+            return None;
+        }
         let told = self.told(names, row);
-        if self.begun.as_ref().is_none_or(|begun| begun.told != told) {
-            match self.begin(manifest, told) {
-                Ok(begun) => self.begun = Some(begun),
-                Err(refusal) => return Some(refusal.to_string()),
-            }
+        let begins_with_row = follows && is_row && self.last.is_none();
+        if begins_with_row || self.begun.as_ref().is_none_or(|begun| begun.told != told) {
+            let mut begun = match self.begin(manifest, told) {
+                Ok(begun) => begun,
+                Err(refusal) => return Some(Compared::Differs(refusal.to_string())),
+            };
+            let before = self.begun.take().filter(|before| before.told == begun.told);
+            begun.analyses.extend(before.into_iter().flat_map(|before| before.analyses));
+            self.begun = Some(begun);
+            self.is_sure &= self.last.is_none();
         }
-        let Begun { analysis, names: own_names, .. } = self.begun.as_mut()?;
+        if follows && is_row {
+            let is_next = self.last.map_or(frame.step == 0, |last| last.checked_add(1) == Some(row.frame));
+            self.is_sure &= is_next && row.threshold.is_some();
+            self.last = Some(row.frame);
+        }
+        let Begun { analyses, names: own_names, .. } = self.begun.as_mut()?;
         if let Some(own) = own_names.as_ref().filter(|own| own.split(',').ne(names.iter().copied())) {
-            return Some(format!("its columns are {}, those of the analysis {own}", names.join(",")));
+            let what = format!("its columns are {}, those of the analysis {own}", names.join(","));
+            return Some(Compared::Differs(what));
         }
-        let mut made = LastRow::default();
-        analysis.observe(frame, &mut made);
-        match (made.values(), row.values.lend()) {
+        // rows about things of their own have the numbers of these in front, and are filled up with NaN
+        let names = if follows {
+            &*offer.columns.iter().map(|column| column.name).collect::<Vec<_>>()
+        } else {
+            names
+        };
+        let mut differ = Vec::new();
+        for analysis in &mut *analyses {
+            let mut made = Made(None);
+            analysis.observe(frame, &mut made);
+            differ.extend(is_row.then(|| made.differs(row, names, follows)));
+        }
+        if differ.iter().any(Option::is_none) {
+            let mut each = differ.iter();
+            analyses.retain(|_| each.next().is_some_and(Option::is_none));
+            return Some(Compared::Same);
+        }
+        let what = differ.into_iter().flatten().next()?;
+        Some(if follows && !self.is_sure { Compared::Unknown } else { Compared::Differs(what) })
+    }
+}
+
+/// The row that an analysis publishes.
+struct Made(Option<KeptValues>);
+
+impl Outlet for Made {
+    fn wants(&self, _: usize) -> bool {
+        false
+    }
+
+    fn line(&mut self, _: usize, _: &[Cell]) {}
+
+    fn is_published(&self) -> bool {
+        true
+    }
+
+    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
+        self.0 = Some(row.into());
+    }
+}
+
+impl Made {
+    /// Difference between `row` and this one, which may be filled up with NaN.
+    fn differs(&self, row: &RecordedRow, names: &[&str], is_filled: bool) -> Option<String> {
+        match (self.0.as_ref().map(KeptValues::lend), row.values.lend()) {
+            (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) if is_filled => {
+                let filler = vec![f64::NAN; made.len().saturating_sub(found.len())];
+                numbers_differ(made, &[found, &filler].concat(), names)
+            }
             (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) => numbers_differ(made, found, names),
             (Some(RowValues::Classes(made)), RowValues::Classes(found)) => classes_differ(made, found),
             _ => Some("its values are of another type".to_owned()),

@@ -1,6 +1,5 @@
 //! A piece of the run that everybody simulates.
 
-use super::program::Outcome;
 use crate::dynamics::light_impurity;
 use crate::recordings;
 use anyhow::Error;
@@ -10,7 +9,15 @@ use recording::{RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink as _};
 use schemas::manifest::RunManifest;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// Result of a program: the time of the steps by the program's own clock, and the last velocities.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Outcome {
+    pub(super) time: Duration,
+    /// Velocities of the beads (m/s).
+    pub(super) v_m_s: Vec<f64>,
+}
 
 /// Steps of the light-impurity run by velocity-Verlet, and which of their states are kept.
 pub(super) struct Piece {

@@ -1,7 +1,7 @@
 //! The other programs: whether they are there, and what they print.
 
 use super::inputs::DIAMETER_M;
-use super::piece::Piece;
+use super::piece::{Outcome, Piece};
 use anyhow::{Context as _, Error, anyhow};
 use std::fs;
 use std::io;
@@ -21,14 +21,6 @@ pub(super) enum Program {
         loops: &'static str,
     },
     NumPy,
-}
-
-/// Result of a program: the time of the steps by the program's own clock, and the last velocities.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Outcome {
-    pub(super) time: Duration,
-    /// Velocities of the beads (m/s).
-    pub(super) v_m_s: Vec<f64>,
 }
 
 impl Program {

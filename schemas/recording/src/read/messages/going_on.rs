@@ -3,12 +3,12 @@
 use super::{MessageReader, Step};
 use crate::error::ReadError;
 use crate::proto;
-use crate::read::chunk::ChunkHead;
+use crate::read::chunk_head::ChunkHead;
 use crate::read::contents::{Channel, Schema};
 use crate::read::decode::{self, StateLengths};
-use crate::read::info;
 use crate::read::records::{RECORD_HEAD_BYTES, RecordReader};
 use crate::read::salvage::{Candidate, Damage, DamageKind, describe, find, is_zero_from};
+use crate::read::summary::channels_of_summary;
 use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
@@ -275,7 +275,7 @@ impl MessageReader {
         let Some(salvage) = &mut self.salvage else { return false };
         if !std::mem::replace(&mut salvage.asked_summary, true)
             && let Ok(mut records) = RecordReader::open(self.records.path())
-            && let Some(known) = info::channels_of_summary(&mut records)
+            && let Some(known) = channels_of_summary(&mut records)
         {
             for (id, channel) in known {
                 self.contents.channels.entry(id).or_insert(channel);

@@ -1,6 +1,6 @@
 //! The messages of one chunk, against its header and the message indexes behind it.
 
-use crate::read::chunk::ChunkHead;
+use crate::read::chunk_head::ChunkHead;
 use crate::read::records::RECORD_HEAD_BYTES;
 use mcap::records::ChunkIndex;
 use std::collections::BTreeMap;
