@@ -22,6 +22,20 @@ pub(crate) struct Now {
     pub(crate) force_n: f64,
 }
 
+impl Now {
+    /// Pushes a bead of velocity `v_m_s` (m/s) and `1/m` (1/kg) in a kick of `kick_s`; gives the work (J), by the velocity before the kick.
+    pub(crate) fn push(&self, kick_s: f64, inverse_mass: f64, before_m_s: f64, v_m_s: &mut f64) -> f64 {
+        *v_m_s += kick_s * inverse_mass * self.force_n;
+        kick_s * self.force_n * (0.5 * (before_m_s + *v_m_s))
+    }
+
+    /// The work (J) in a kick of `kick_s` at the left (0) or the right (1) wall, by the forces (N) of both.
+    pub(crate) fn work_at_wall(&self, side: usize, kick_s: f64, forces_n: [f64; 2]) -> f64 {
+        let work_j = kick_s * (forces_n[side] * self.v_m_s);
+        if side == 0 { work_j } else { -work_j }
+    }
+}
+
 /// The wall or bead on which a drive acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Acts {
@@ -55,9 +69,10 @@ impl Drives {
         (!drives.is_empty()).then(|| Self { drives: drives.to_vec(), dt_s })
     }
 
-    /// True if all of them move walls.
-    pub(crate) fn are_at_walls(&self) -> bool {
-        (0..self.count()).all(|d| matches!(self.acts(d), Acts::Wall(_)))
+    /// The beads that they push.
+    pub(crate) fn pushed(&self) -> impl Iterator<Item = usize> {
+        (0..self.count())
+            .filter_map(|d| if let Acts::Pushes(bead) = self.acts(d) { Some(bead) } else { None })
     }
 
     /// True if one of them moves a bead.

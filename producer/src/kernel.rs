@@ -112,7 +112,7 @@ pub struct Kernel {
     /// True for each group in which a contact presses more than at rest.
     presses: Vec<bool>,
     activity: Activity,
-    /// Beads that baths may set in motion, and their groups.
+    /// Beads that baths and forces may set in motion, and their groups.
     shaken_beads: Activity,
     shaken: Shaken,
     /// Beads of a tile of a sweep.
@@ -230,6 +230,12 @@ impl Kernel {
         self.shaken.add(beads.start * self.width..beads.end * self.width);
     }
 
+    /// Does so for one bead, on which a force acts in each kick.
+    pub(crate) fn push(&mut self, bead: usize) {
+        self.shake(&(bead..bead + 1));
+        self.shaken.in_each_kick = true;
+    }
+
     /// Puts the walls at these places (m).
     pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
         self.walls_m.clear();
@@ -260,6 +266,11 @@ impl Kernel {
     /// Forces (N) of the contacts on the left and on the right of bead `bead`, evaluated last.
     pub(crate) fn forces_at(&self, bead: usize) -> [f64; 2] {
         [self.force[bead], self.force[bead + 1]]
+    }
+
+    /// Forces (N) of the contacts at both ends, evaluated last.
+    pub(crate) fn forces_at_ends(&self) -> [f64; 2] {
+        [self.force[0], self.force[self.count]]
     }
 
     /// The beads that may not be at rest.

@@ -121,10 +121,16 @@ pub fn q2(x: f64) -> f64 {
 /// `2^n` and `m` with `e^x = 2^n·(1 + m)`, for `|x| ≤ 700`.
 #[inline(always)]
 fn scale_and_rest(x: f64) -> (f64, f64) {
-    let n = (x * LOG2_E + 0.5).floor();
+    /// A double plus this is whole; next to it doubles are 1 apart.
+    const WHOLE: f64 = 6_755_399_441_055_744.0; // 1.5·2^52
+    /// The lowest bits of `n` plus this are those of 1023 + n.
+    const EXPONENT: f64 = 4_503_599_627_371_519.0; // 2^52 + 1023
+    let y = x * LOG2_E + 0.5;
+    let nearest = (y + WHOLE) - WHOLE;
+    // ⌊y⌋, without a call on machines that have no instruction for it, and a conversion that some have for single numbers only
+    let n = if nearest > y { nearest - 1.0 } else { nearest };
     let r = (x - n * LN_2[0]) - n * LN_2[1];
-    #[expect(clippy::cast_possible_truncation, reason = "whole, and within ±1011")]
-    let scale = f64::from_bits(((1023 + n as i64) << 52).cast_unsigned());
+    let scale = f64::from_bits((n + EXPONENT).to_bits() << 52);
     (scale, r + (r * r) * q2(r))
 }
 

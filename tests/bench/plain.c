@@ -50,11 +50,19 @@ static void ring(int n, double dt, double quadratic, double cubic) {
     move(n, dt);
 }
 
+static void toda(int n, double dt, double steepness) {
+    u[0] = u[n];
+    u[n + 1] = u[1];
+    for (int c = 0; c <= n; c++) force[c] = stiffness[c] * (exp(steepness * (u[c] - u[c + 1])) - 1) / steepness;
+    move(n, dt);
+}
+
 int main(int count, char **words) {
     if (count != 5 || atoi(words[2]) + 2 > MOST) return 2;
     const int n = atoi(words[2]), steps = atoi(words[3]);
     const double alpha = atof(words[4]);
-    const int is_ring = !strcmp(words[1], "alpha") || !strcmp(words[1], "beta");
+    const int is_toda = !strcmp(words[1], "toda");
+    const int is_ring = is_toda || !strcmp(words[1], "alpha") || !strcmp(words[1], "beta");
     for (int i = 0; i <= n; i++) {
         inverse_mass[i] = is_ring ? 1 : 1e3;
         stiffness[i] = is_ring ? 1 : 1e7;
@@ -67,6 +75,7 @@ int main(int count, char **words) {
     clock_gettime(CLOCK_MONOTONIC, &began);
     if (!strcmp(words[1], "hertz")) for (int s = 0; s < steps; s++) hertz(n, 2e-7);
     else if (!strcmp(words[1], "power")) for (int s = 0; s < steps; s++) general(n, 2e-7, alpha);
+    else if (is_toda) for (int s = 0; s < steps; s++) toda(n, 0.05, 1);
     else if (!strcmp(words[1], "alpha")) for (int s = 0; s < steps; s++) ring(n, 0.05, 0.25, 0);
     else for (int s = 0; s < steps; s++) ring(n, 0.05, 0, 0.25);
     clock_gettime(CLOCK_MONOTONIC, &ended);

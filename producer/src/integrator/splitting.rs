@@ -64,6 +64,17 @@ impl Stages {
         self.kick_drift.len() as u64
     }
 
+    /// The kicks of `steps` steps of `dt_s`: the duration (s) of each, and the number of drifts before it.
+    fn kicks(self, dt_s: f64, steps: u64) -> impl Iterator<Item = (f64, usize)> {
+        let (drifts, mut begun) = (self.kick_drift.len(), 0);
+        let of_step = self.kick_drift.iter().map(|(b, _)| *b).chain([self.last_kick]).enumerate();
+        (0..steps).flat_map(move |_| {
+            let before = begun;
+            begun += drifts;
+            of_step.clone().map(move |(kick, b)| (b * dt_s, before + kick))
+        })
+    }
+
     /// The passes of a sweep that makes `steps` steps of `dt_s`.
     fn passes(&self, dt_s: PerLane, steps: u64) -> Vec<Pass> {
         let mut passes = Vec::new();
@@ -106,8 +117,8 @@ struct Others {
     mass_kg: Vec<f64>,
     drives: Option<Drives>,
     knots: Knots,
-    /// True if there is nothing else than drives that move walls.
-    is_at_walls: bool,
+    /// True if sweeps can make several steps: drives move walls, or push beads of a chain that is swept at once, and there is nothing else.
+    have_sweeps: bool,
     /// The present action of each drive.
     now: Vec<Now>,
     /// The velocities (m/s) at the beginning of a piece of the beads that drives move.
@@ -123,13 +134,16 @@ struct Others {
 }
 
 impl Others {
-    fn of(physics: &Physics, chain: &Chain) -> Self {
+    fn of(physics: &Physics, chain: &Chain, kernel: &Kernel) -> Self {
         let drives = Drives::of(&physics.drives, physics.dt_s);
+        let fit = |drives: &Drives| {
+            !drives.move_beads() && (kernel.fits_in_a_tile() || drives.pushed().next().is_none())
+        };
         let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
         Self {
             rows: physics.rows(),
             mass_kg: chain.mass_kg.clone(),
-            is_at_walls: !chain.sites.has_resonators() && drives.as_ref().is_some_and(Drives::are_at_walls),
+            have_sweeps: !chain.sites.has_resonators() && drives.as_ref().is_some_and(fit),
             drives,
             knots: Knots::of(&physics.drives, physics.dt_s, physics.kernel_version),
             now: Vec::new(),
@@ -144,9 +158,11 @@ impl Others {
 
 impl Splitting {
     /// Makes steps by `stages` in a run of `physics` and `chain`, with the forces of `kernel`.
-    pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, kernel: Kernel) -> Self {
+    pub(crate) fn new(stages: Stages, physics: &Physics, chain: &Chain, mut kernel: Kernel) -> Self {
         let has_others = !physics.drives.is_empty() || chain.sites.has_resonators();
-        let others = has_others.then(|| Others::of(physics, chain));
+        let others = has_others.then(|| Others::of(physics, chain, &kernel));
+        let drives = others.iter().flat_map(|others| &others.drives);
+        drives.flat_map(Drives::pushed).for_each(|bead| kernel.push(bead));
         Self { others, ..Self::without_drives(stages, PerLane::same(physics.dt_s), kernel) }
     }
 
@@ -158,7 +174,7 @@ impl Splitting {
 
     /// Carries `tangents` with the states of this run of `physics` and `chain`, from the state on that it is given next.
     pub(crate) fn carry(&mut self, tangents: Tangents, physics: &Physics, chain: &Chain) {
-        self.others.get_or_insert_with(|| Others::of(physics, chain)).is_at_walls = false;
+        self.others.get_or_insert_with(|| Others::of(physics, chain, &self.kernel)).have_sweeps = false;
         (self.tangents, self.forces_of_step) = (Some(tangents), None);
     }
 
@@ -180,9 +196,9 @@ impl Splitting {
         let last = if is_alone { state.step + 1 } else { last };
         if let Some(mut others) = self.others.take() {
             let knot = others.knots.next(state.step);
-            if others.is_at_walls && knot != Some(state.step) {
+            if others.have_sweeps && knot != Some(state.step) {
                 let last = knot.filter(|knot| *knot < last).unwrap_or(last);
-                self.steps_with_walls(&mut others, state, last);
+                self.sweep_with(&mut others, state, last);
             } else {
                 self.step_with(&mut others, state);
             }

@@ -216,6 +216,59 @@ fn every_kind_and_length_has_the_bits_of_the_definition() {
     assert!(tried > 800 && in_lanes > 1000, "{tried} chains, {in_lanes} times beside others");
 }
 
+/// Forces on up to three beads, and walls that move, in every kind of chain: sweeps of several steps, by every instruction set, have the bits of
+/// separate kicks and drifts, which a run makes that carries a tangent.
+#[test]
+fn drives_in_sweeps_change_no_bit() {
+    const FORCES: [&str; 3] = [
+        "sine = { amplitude = 3.0, frequency_hz = 1e4, until_s = 4.05e-6 }",
+        "step = { amplitude = -2.0, at_s = 2e-6, rise_s = 2.1e-6 }",
+        "gaussian = { amplitude = 5.0, at_s = 4e-6, width_s = 2.1e-6 }",
+    ];
+    const WALL: &str =
+        "[[drive]]\nwall = \"left\"\nvelocity_m_s.sine = { amplitude = 0.1, frequency_hz = 1e5 }\n";
+    let (mut tried, mut of_walls) = (0, 0);
+    let lengths = [2, 3, 8, 17, 33, 70].into_iter().flat_map(|beads| (0..6_usize).map(move |of| (beads, of)));
+    for (beads, number) in lengths {
+        for (method, (name, kind)) in [Method::VelocityVerlet, Method::Rkn4]
+            .into_iter()
+            .flat_map(|m| kinds().into_iter().map(move |k| (m, k)))
+        {
+            let pushed = [0, 1, 17].map(|more| (number as u64 * 7 + more) % beads).into_iter().zip(FORCES);
+            let drives: Vec<_> = pushed
+                .take(number % 3 + 1)
+                .map(|(bead, force)| format!("[[drive]]\nbead = {bead}\nforce_n.{force}\n"))
+                .collect();
+            let mut toml = drives.concat();
+            if number > 3 {
+                toml += WALL;
+            }
+            let mut config = config_of(beads, method, if number == 1 { 1.3 } else { 1.5 }, kind);
+            let drive = toml::from_str::<toml::Table>(&toml).expect("drives").remove("drive");
+            config.drive = drive.expect("some").try_into().expect("drives");
+            config.time.dt_s = Some(2e-7);
+            // a chain without a wall, or so short that two forces meet at a bead
+            let Ok(physics) = Physics::resolve(&config) else { continue };
+            (tried, of_walls) = (tried + 1, of_walls + usize::from(number > 3));
+            let start = ChainState::initial(&physics);
+            let mut expected = start.clone();
+            let mut alone = Integrator::with_tangents(&physics, 1).expect("a method that has tangents");
+            (0..40).for_each(|_| alone.step(&mut expected));
+            for arch in archs() {
+                let (mut integrator, mut state) = (Integrator::with_arch(&physics, arch), start.clone());
+                for last in [1, 2, 5, 19, 20, 40] {
+                    while state.step < last {
+                        integrator.advance(&mut state, last);
+                    }
+                }
+                let what = format!("{beads} beads, {method}, {name}, {number}, {arch:?}");
+                assert_eq!(bits(&state), bits(&expected), "{what}");
+            }
+        }
+    }
+    assert!(tried > 450 && of_walls > 40, "{tried} chains, {of_walls} with walls that move");
+}
+
 /// Chains like that of `config`, each with its own masses, forces, step and motion, have the bits beside each other that each has alone.
 /// False if such a chain is computed alone.
 fn lanes_have_the_bits_of(config: &RunConfig, start: &ChainState, arch: Arch, what: &str) -> bool {

@@ -55,8 +55,8 @@ impl Kernel {
         self.sweep_and_shake(passes, u_m, v_m_s, None);
     }
 
-    /// Does the same, and lets baths act on velocities (m/s) between two kicks that meet: `passes` have such kicks only if there are no
-    /// baths, or all beads are swept [at once](Self::fits_in_a_tile).
+    /// Does the same, and lets others act on the velocities (m/s) of shaken beads: after each kick if a bead is [pushed](Kernel::push), else
+    /// between two kicks that meet. All beads are swept [at once](Self::fits_in_a_tile) then.
     pub(crate) fn sweep_and_shake(
         &mut self,
         passes: &[Pass],
@@ -141,7 +141,7 @@ impl Kernel {
     }
 }
 
-/// The action of baths on velocities (m/s) between two steps.
+/// The action of baths on velocities (m/s) between two steps, or of forces in a kick.
 pub(crate) type Shake<'a> = &'a mut dyn FnMut(&mut [f64]);
 
 /// The ends of a chain.
@@ -153,11 +153,13 @@ pub(super) struct Ends {
     pub(super) have_wall: [bool; 2],
 }
 
-/// The groups with beads that baths act on.
+/// The groups with beads that baths and forces act on.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Shaken {
     /// The numbers at which they begin and end, in turns.
     bounds: Vec<usize>,
+    /// True if something acts after each kick, not between two that meet alone.
+    pub(super) in_each_kick: bool,
 }
 
 impl Shaken {
@@ -289,7 +291,7 @@ impl Sweep<'_> {
         // the contact on the right of the last bead is evaluated, too
         let last = ((self.beads.end + usize::from(is_to_end)) * stride).next_multiple_of(GROUP);
         let (tile, lag) = (self.tile * stride, BLOCK * stride);
-        let mut start = first;
+        let (mut start, shaken) = (first, self.shaken);
         while start < last {
             let end = if start + tile < last { start + tile } else { last };
             let mut evaluations = 0;
@@ -304,15 +306,21 @@ impl Sweep<'_> {
                 };
                 let none = PerLane::same(0.0);
                 let motion = match pass {
-                    Pass::Stage { kick_s, drift_s } => motion(1, kick_s, drift_s),
+                    Pass::Stage { kick_s, drift_s } => {
+                        self.shake::<S, L>(simd, 1, kick_s);
+                        motion(1, kick_s, drift_s)
+                    }
                     Pass::StageAfterKick { kick_s, drift_s } => {
-                        self.shake::<S, L>(simd, kick_s);
+                        self.shake::<S, L>(simd, 2, kick_s);
                         motion(2, kick_s, drift_s)
                     }
                     Pass::Forces => motion(0, &none, &none),
                     Pass::Kick { kick_s: time_s } | Pass::Drift { drift_s: time_s } => {
                         let is_kick = matches!(pass, Pass::Kick { .. });
                         self.simple::<S, L>(simd, is_kick, time_s, part);
+                        if let Some(push) = self.shake.as_mut().filter(|_| is_kick && shaken.in_each_kick) {
+                            push(self.v_m_s);
+                        }
                         continue;
                     }
                 };
@@ -329,16 +337,35 @@ impl Sweep<'_> {
         simd.vectorize(Simple { sweep: self, is_kick, time_s, part, layout: PhantomData::<L> });
     }
 
-    /// Makes the first of two kicks that meet in the groups with baths, and lets these act.
+    /// Kicks of a stage with `kicks` that shaken groups make before it, as others act on them in between.
     #[inline(always)]
-    fn shake<S: Simd, L: Layout>(&mut self, simd: S, kick_s: &PerLane) {
+    fn kicks_before(&self, kicks: u8) -> u8 {
+        let most = if self.shaken.in_each_kick { kicks } else { kicks.saturating_sub(1) }; // integers
+        if self.shake.is_some() { most } else { 0 }
+    }
+
+    /// Makes the kicks that shaken groups make before a stage with `kicks`, and lets others act after each.
+    #[inline(always)]
+    fn shake<S: Simd, L: Layout>(&mut self, simd: S, kicks: u8, kick_s: &PerLane) {
+        let before = self.kicks_before(kicks);
         let Some(shake) = self.shake.take() else { return };
         let shaken = self.shaken;
-        for bounds in shaken.bounds.as_chunks::<2>().0 {
-            self.simple::<S, L>(simd, true, kick_s, bounds[0]..bounds[1]);
+        for _ in 0..before {
+            for bounds in shaken.bounds.as_chunks::<2>().0 {
+                self.simple::<S, L>(simd, true, kick_s, bounds[0]..bounds[1]);
+            }
+            shake(self.v_m_s);
         }
-        shake(self.v_m_s);
         self.shake = Some(shake);
+    }
+
+    /// The motion of shaken groups in a stage of `motion`, if it is another one.
+    #[inline(always)]
+    fn after_shakes<S: Simd>(&self, simd: S, motion: Motion<S::f64s>) -> Option<Motion<S::f64s>> {
+        let before = self.kicks_before(motion.kicks);
+        // a kick of no duration adds zero
+        let kick_s = if before == motion.kicks { simd.splat_f64s(0.0) } else { motion.kick_s };
+        (before > 0).then_some(Motion { kicks: 1, kick_s, ..motion })
     }
 
     /// Moves the beads that begin at the numbers `part`, and evaluates the contacts on their left.
@@ -362,14 +389,13 @@ impl Sweep<'_> {
             terms: &constants.terms,
             springs: constants.springs,
         };
-        // groups with baths have made the first of two kicks
-        let shaken = self.shaken;
-        let bounds = if motion.kicks == 2 { &shaken.bounds[..] } else { &[] };
+        let (shaken, of_shaken) = (self.shaken, self.after_shakes(simd, motion));
+        let bounds = if of_shaken.is_some() { &shaken.bounds[..] } else { &[] };
         let mut start = part.start;
         for piece in 0..=bounds.len() {
             let numbers = start..bounds.get(piece).copied().unwrap_or(part.end);
             start = numbers.end;
-            let motion = if piece % 2 == 1 { Motion { kicks: 1, ..motion } } else { motion };
+            let motion = of_shaken.filter(|_| piece % 2 == 1).unwrap_or(motion);
             before = self.groups::<S, P, L, KIND>(simd, laws, motion, before, numbers, (last, ends));
         }
         let wall = &mut self.wall_forces_n[evaluation];
@@ -458,6 +484,7 @@ impl Sweep<'_> {
     ) -> S::f64s {
         let stride = L::stride::<S>();
         let (at, springs) = (bead * stride % GROUP, self.constants.springs);
+        let of_shaken = self.after_shakes(simd, motion);
         let Beads { u, v, force, constants, .. } = self.group(bead * stride - at);
         let place = L::before::<S>(simd, u, at + stride);
         if motion.kicks == 0 {
@@ -474,8 +501,7 @@ impl Sweep<'_> {
                 net = simd.sub_f64s(net, springs.pull(simd, row(linear), row(cubic), place));
             }
         }
-        let is_shaken = motion.kicks == 2 && self.shaken.has(bead * stride);
-        let motion = if is_shaken { Motion { kicks: 1, ..motion } } else { motion };
+        let motion = of_shaken.filter(|_| self.shaken.has(bead * stride)).unwrap_or(motion);
         let velocity = motion.kicked(simd, inverse_mass, net, velocity);
         simd.add_f64s(place, simd.mul_f64s(motion.drift_s, velocity))
     }

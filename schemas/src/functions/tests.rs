@@ -1,6 +1,8 @@
 //! Against arbitrary precision (`tests/reference/functions.py`), and against sums of two doubles at many more points.
 
 use super::*;
+use crate::simd::vectorized;
+use pulp::Arch;
 
 fn double(bits: &str) -> f64 {
     f64::from_bits(u64::from_str_radix(bits, 16).expect("16 hex digits"))
@@ -142,6 +144,48 @@ fn functions_are_within_their_bounds() {
     for (name, error) in ["sine", "cosine", "exp", "expm1", "ln"].iter().zip(worst) {
         println!("{name}: {error:.4} ulp");
         assert!(error < limit(name), "{name}: {error} ulp");
+    }
+}
+
+/// Exponentials of a million numbers of all sizes, in vectors of each width, have the bits of `docs/KERNEL.md`, one number at a time.
+#[test]
+fn exponentials_in_vectors_have_the_bits_of_the_definition() {
+    let defined = |x: f64| {
+        let n = (x * LOG2_E + 0.5).floor();
+        let r = (x - n * LN_2[0]) - n * LN_2[1];
+        let m = r + (r * r) * EXPONENTIAL.iter().rev().fold(0.0, |sum, e| sum * r + e);
+        #[expect(clippy::cast_possible_truncation, reason = "whole")]
+        let s = 2.0_f64.powi(n as i32);
+        match x {
+            x if x.is_nan() => [x; 2],
+            x if x > 700.0 => [f64::INFINITY; 2],
+            x if x < -700.0 => [0.0, -1.0],
+            _ => [s * m + s, s * m + (s - 1.0)],
+        }
+    };
+    let ends =
+        [0.0, f64::MIN_POSITIVE, 5e-324, 1.0, 700.0, 700.0_f64.next_up(), f64::MAX, f64::INFINITY, f64::NAN];
+    let borders = (0..1011).map(|n| (f64::from(n) - 0.5) / LOG2_E);
+    let borders = borders.flat_map(|x| [x.next_down(), x, x.next_up()]);
+    let random = (0..500_000).map(|n| crate::philox::words(1, n, [0, 0]));
+    let random = random.flat_map(|[a, b, c, _]| {
+        [f64::from_bits(u64::from(a) << 32 | u64::from(b)), 750.0 / 2.0_f64.powi(32) * f64::from(c)]
+    });
+    let all: Vec<f64> = ends.into_iter().chain(borders).chain(random).flat_map(|x| [x, -x]).collect();
+    let mut archs = vec![Arch::Scalar, Arch::new()];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+    for arch in archs {
+        let mut found = vec![[0.0; 2]; all.len()];
+        vectorized(
+            arch,
+            #[inline(always)]
+            || found.iter_mut().zip(&all).for_each(|(found, x)| *found = [exp(*x), exp_m1(*x)]),
+        );
+        for (x, found) in all.iter().zip(found) {
+            let (found, expected) = (found.map(f64::to_bits), defined(*x).map(f64::to_bits));
+            assert!(found == expected, "{arch:?}, {x:e}: {found:x?} for {expected:x?}");
+        }
     }
 }
 

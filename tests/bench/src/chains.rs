@@ -12,7 +12,7 @@ use schemas::manifest::{Origin, Physics, RunManifest};
 use schemas::method::Method;
 use schemas::presets::PRESETS;
 use schemas::simd::vectorized;
-use schemas::term::{Spring, TermLaw};
+use schemas::term::{Spring, TermLaw, Toda};
 use std::convert::Infallible;
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -36,7 +36,7 @@ struct Kind {
     floor: Floor,
 }
 
-const KINDS: [Kind; 12] = {
+const KINDS: [Kind; 14] = {
     const fn pressed(what: &'static str, beads: u64, floor: f64) -> Kind {
         Kind { what, word: "hertz", beads, alpha: 1.5, floor: Floor::AtLeast(floor) }
     }
@@ -62,6 +62,8 @@ const KINDS: [Kind; 12] = {
         bonds("ring of FPUT-α bonds, N = 1024", "alpha", 1024),
         bonds("ring of FPUT-β bonds, N = 32", "beta", 32),
         bonds("ring of FPUT-β bonds, N = 1024", "beta", 1024),
+        bonds("ring of Toda bonds, N = 32", "toda", 32),
+        bonds("ring of Toda bonds, N = 1024", "toda", 1024),
     ]
 };
 
@@ -145,17 +147,22 @@ impl Kind {
         config.chain.impurities.clear();
         (config.chain.beads, config.chain.alpha) = (self.beads, self.alpha);
         config.integrator.method = Method::VelocityVerlet;
-        let end = if self.word == "alpha" || self.word == "beta" {
+        let bent = |bend| vec![(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(bend), 0.25)];
+        let laws = match self.word {
+            "alpha" => bent(Spring(2)),
+            "beta" => bent(Spring(3)),
+            "toda" => vec![(TermLaw::Toda(Toda(1.0)), 1.0)],
+            _ => Vec::new(),
+        };
+        let end = if laws.is_empty() {
+            config.load.precompression_n = 10.0;
+            End::Fixed
+        } else {
             (config.chain.bead_mass_kg, config.chain.stiffness) = (1.0, 1.0);
-            let bend = if self.word == "alpha" { Spring(2) } else { Spring(3) };
-            let laws = [(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(bend), 0.25)];
             config.chain.bonds = Some(Bonds::from_iter(laws));
             config.time.dt_s = Some(0.05);
             config.time.duration_s = 1e6;
             End::Periodic
-        } else {
-            config.load.precompression_n = 10.0;
-            End::Fixed
         };
         (config.ends.left, config.ends.right) = (end, end);
         config.striker.velocity_m_s = 0.01;

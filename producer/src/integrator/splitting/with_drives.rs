@@ -6,7 +6,7 @@
 
 use super::{Others, Splitting};
 use crate::drives::{Acts, Drives, Now, When};
-use crate::kernel::{Activity, Pass, PerLane, Pushed};
+use crate::kernel::{Activity, Pass, PerLane, Pushed, Shake};
 use crate::pieces::Piece;
 use crate::state::ChainState;
 use schemas::simd::vectorized;
@@ -86,50 +86,65 @@ impl Splitting {
     }
 
     /// Makes some steps in one sweep, at least one and at most to step `last`, with drives that do nothing but move
-    /// walls: the places of the walls do not depend on the chain.
-    pub(super) fn steps_with_walls(&mut self, others: &mut Others, state: &mut ChainState, last: u64) {
+    /// walls and push beads: what they do does not depend on the chain.
+    pub(super) fn sweep_with(&mut self, others: &mut Others, state: &mut ChainState, last: u64) {
         if self.forces_of_step != Some(state.step) {
             self.start_with(others, state);
         }
-        let steps = self.steps_to(state.step, last);
-        let Some(drives) = &others.drives else { return };
+        let (steps, stages, dt_s) = (self.steps_to(state.step, last), self.stages, self.dt_s());
+        let Others { rows, mass_kg, drives: Some(drives), now, before_kick, moments, .. } = others else {
+            return;
+        };
+        let ChainState { u_m, v_m_s, extra, step } = state;
+        let [.., row] = rows.split_mut(extra);
         // what each drive does at the beginning and after each drift, one after the other
-        let (moments, count) = (&mut others.moments, drives.count());
-        moments.clone_from(&others.now);
-        let [.., row] = others.rows.split_mut(&mut state.extra);
-        for step in state.step..state.step + steps {
-            let (piece, mut after) = (Piece::whole(step, self.dt_s()), 0.0);
-            for (stage, (_, a)) in self.stages.kick_drift.iter().enumerate() {
+        moments.clone_from(now);
+        for step in *step..*step + steps {
+            let (piece, mut after) = (Piece::whole(step, dt_s), 0.0);
+            for (stage, (_, a)) in stages.kick_drift.iter().enumerate() {
                 after += a;
-                let is_end = stage + 1 == self.stages.kick_drift.len();
-                let when = if is_end { piece.end() } else { piece.within(after * self.dt_s()) };
-                drives.at(when, row, &mut others.now);
-                moments.extend_from_slice(&others.now);
+                let is_end = stage + 1 == stages.kick_drift.len();
+                let when = if is_end { piece.end() } else { piece.within(after * dt_s) };
+                drives.at(when, row, now);
+                moments.extend_from_slice(now);
             }
-            others.now.iter().enumerate().for_each(|(d, now)| row[2 * d + 1] = now.x_m);
+            now.iter().enumerate().for_each(|(d, now)| row[2 * d + 1] = now.x_m);
         }
-        self.kernel.move_walls_along(moments.chunks_exact(count).skip(1).map(|now| walls_at(drives, now)));
-        let before_n = [self.kernel.forces_at(0)[0], self.kernel.forces_at(state.u_m.len() - 1)[1]];
-        self.kernel.sweep(&self.passes, state.u_m.whole(), state.v_m_s.whole());
-        let forces_n = self.kernel.wall_forces_n();
-        let mut at = 0;
-        for _ in 0..steps {
-            let kicks = self.stages.kick_drift.iter().map(|(b, _)| *b).chain([self.stages.last_kick]);
-            for (kick, b) in kicks.enumerate() {
-                let kick_s = b * self.dt_s();
-                let now = &moments[(at + kick) * count..][..count];
-                let [left_n, right_n] = if at + kick == 0 { before_n } else { forces_n(at + kick - 1) };
-                for (d, now) in now.iter().enumerate() {
-                    row[2 * d] += match drives.acts(d) {
-                        Acts::Wall(0) => kick_s * (left_n * now.v_m_s),
-                        _ => -(kick_s * (right_n * now.v_m_s)),
-                    };
+        let after = |drifts: usize| &moments[drifts * drives.count()..][..drives.count()];
+        let drifts = 1..moments.len() / drives.count(); // integers
+        self.kernel.move_walls_along(drifts.map(|drifts| walls_at(drives, after(drifts))));
+        let before_n = self.kernel.forces_at_ends();
+        before_kick.clear();
+        before_kick.extend((0..drives.count()).map(|d| (drives.velocity_at(d, v_m_s), 0.0)));
+        let mut kicks = stages.kicks(dt_s, steps);
+        let mut push = |v_m_s: &mut [f64]| {
+            let Some((kick_s, drifts)) = kicks.next() else { return };
+            for (d, now) in after(drifts).iter().enumerate() {
+                if let Acts::Pushes(bead) = drives.acts(d) {
+                    let (before_m_s, _) = before_kick[d];
+                    row[2 * d] += now.push(kick_s, 1.0 / mass_kg[bead], before_m_s, &mut v_m_s[bead]);
                 }
             }
-            at += self.stages.kick_drift.len();
+            // velocities do not change until the next kick
+            before_kick
+                .iter_mut()
+                .enumerate()
+                .for_each(|(d, before)| before.0 = drives.velocity_at(d, v_m_s));
+        };
+        let has_pushed = drives.pushed().next().is_some();
+        let push = has_pushed.then_some(&mut push as Shake<'_>);
+        self.kernel.sweep_and_shake(&self.passes, u_m.whole(), v_m_s.whole(), push);
+        let forces_n = self.kernel.wall_forces_n();
+        for (kick_s, drifts) in stages.kicks(dt_s, steps) {
+            let forces_n = if drifts == 0 { before_n } else { forces_n(drifts - 1) };
+            for (d, now) in after(drifts).iter().enumerate() {
+                if let Acts::Wall(side) = drives.acts(d) {
+                    row[2 * d] += now.work_at_wall(side, kick_s, forces_n);
+                }
+            }
         }
-        state.step += steps;
-        self.forces_of_step = Some(state.step);
+        *step += steps;
+        self.forces_of_step = Some(*step);
     }
 
     /// Evaluates the forces at the beginning of a step that another integrator may have come to.
@@ -190,11 +205,10 @@ impl Splitting {
         for (d, (now, (before_m_s, net_n))) in others.now.iter().zip(&others.before_kick).enumerate() {
             let work_j = match drives.acts(d) {
                 Acts::Pushes(bead) => {
-                    state.v_m_s[bead] += kick_s * self.kernel.inverse_mass()[bead] * now.force_n;
-                    kick_s * now.force_n * (0.5 * (before_m_s + state.v_m_s[bead]))
+                    let inverse_mass = self.kernel.inverse_mass()[bead];
+                    now.push(kick_s, inverse_mass, *before_m_s, &mut state.v_m_s[bead])
                 }
-                Acts::Wall(0) => kick_s * (self.kernel.forces_at(0)[0] * now.v_m_s),
-                Acts::Wall(_) => -(kick_s * (self.kernel.forces_at(state.u_m.len() - 1)[1] * now.v_m_s)),
+                Acts::Wall(side) => now.work_at_wall(side, kick_s, self.kernel.forces_at_ends()),
                 Acts::Moves(_) => -(kick_s * (net_n * now.v_m_s)),
             };
             row[2 * d] += work_j;
