@@ -14,7 +14,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_270),
+    ("producer", 8_340),
     ("consumers", 6_185),
     ("consumers/analyses", 4_455),
     ("consumers/experiments", 1_615),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 79_600;
+const MOST_LINES: usize = 79_680;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
