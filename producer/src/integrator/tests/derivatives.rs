@@ -108,7 +108,7 @@ fn derivatives_are_differences_of_runs_on_every_kind_of_chain() {
 #[test]
 fn derivatives_are_those_of_another_program() {
     let mut rows = 0;
-    for (case, mass_kg, until_s) in [("A3-impurity-light", 0.3, 14.0), ("A3-impurity-heavy", 2.5, 18.0)] {
+    for (case, mass_kg, until) in [("A3-impurity-light", 0.3, 14), ("A3-impurity-heavy", 2.5, 18)] {
         let by: [Number; 3] = [
             ("v0", |c, factor| c.striker.velocity_m_s *= factor),
             ("m", |c, factor| c.chain.impurities[0].mass_kg *= factor),
@@ -119,10 +119,10 @@ fn derivatives_are_those_of_another_program() {
             (config.chain.bead_mass_kg, config.chain.stiffness) = (1.0, 1.0);
             config.chain.impurities = vec![Impurity { bead: 10, mass_kg }];
             (config.striker.velocity_m_s, config.striker.bead) = (1.0, 0);
-            config.time.duration_s = until_s;
+            config.time.duration_s = until as f64;
             config.time.dt_s = Some(1.0 / 2048.0);
             let all = three(&config, change).expect("valid");
-            let (_, found) = derivative(&all, 2.0 * PART * value, (until_s * 2048.0) as u64); // integers
+            let (_, found) = derivative(&all, 2.0 * PART * value, until * 2048);
             for line in include_str!("../../../../tests/reference/derivatives.csv").lines().skip(1) {
                 let fields: Vec<&str> = line.split(',').collect();
                 if fields[..2] != [case, name] {
