@@ -16,7 +16,7 @@ use std::path::PathBuf;
     after_help = "Examples:\n  \
     beadline film run.mcap --out run.mp4                    ten seconds, encoded by ffmpeg\n  \
     beadline film run.mcap --out run.gif --size 800x450     a GIF for a page or a message\n  \
-    beadline film run.mcap --out run.apng --seconds 4       all colours, without ffmpeg; browsers show it\n  \
+    beadline film run.mcap --out run.apng --seconds 4       all colours, without ffmpeg\n  \
     beadline film run.mcap --out hit.webm --from 0.02 --until 0.03 --beads 400..600\n  \
     beadline film run.mcap --out energy.mp4 --field energy-density --size 1920x1080\n\n\
     A picture has the map of `plot` with a line at the moment, the chain at that moment, and the energies over time. There \

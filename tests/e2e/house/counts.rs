@@ -7,7 +7,7 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("the command", 14_990),
-    ("schemas", 9_190),
+    ("schemas", 9_200),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
