@@ -129,17 +129,16 @@ impl Sweep {
         detached(py, || {
             let stop = &AtomicBool::new(false);
             let at = At::default();
-            let compute = |_, batch: &[usize]| -> Result<_, Why> {
+            let compute = |_, batch: &[usize], rows: &mut Vec<(usize, Vec<Cell>)>| {
                 let asked = batch.iter().map(|job| {
                     let signals = Signals { stop, at: &at };
                     Asked { index: indices[*job], recording: None, signals }
                 });
-                let (asked, mut rows) = (asked.collect::<Vec<_>>(), Vec::new());
+                let asked = asked.collect::<Vec<_>>();
                 row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
                     rows.push((batch[place], row));
                     Ok(())
-                })?;
-                Ok(rows)
+                })
             };
             let jobs = jobs.min(indices.len()).max(1);
             let most = Lanes::most().min(indices.len().div_ceil(jobs)).max(1);

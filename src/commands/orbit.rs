@@ -475,7 +475,7 @@ impl<'a> Branch<'a> {
             .collect();
         place.write_multipliers(&last.multipliers)?;
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
-        let branches = self.told_branches(come, ends);
+        let branches = told_branches(come, ends);
         let told = json!({
             "key": self.key, "orbits": come.rows.len(), "end": end_word(&ends[0]), "changes": come.changes, "branches": branches,
             "last": told(last), "runs": runs,
@@ -531,25 +531,25 @@ impl<'a> Branch<'a> {
             End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
         }
     }
+}
 
-    /// The branches after the first one, as JSON.
-    fn told_branches(&self, come: &Come, ends: &[End]) -> Vec<Value> {
-        let branches = come.born.iter().zip(come.lasts.iter().zip(ends).skip(1)).enumerate();
-        let told = branches.map(|(place, (beginning, ((step, last), end)))| {
-            let branch = place + 1;
-            let orbits = come.rows.iter().filter(|row| shown::branch_of(row) == branch).count() as u64;
-            let (periods, to) = (beginning.periods, step.unknown.parameter);
-            let from = beginning.step.unknown.parameter;
-            let of = if periods == 2 { " of twice the period" } else { "" };
-            let (from_word, to_word) = (number(from), number(to));
-            let words = format!("{branch}: {}{of}, from {from_word} to {to_word}", counted(orbits, "orbit"));
-            json!({
-                "branch": branch, "words": words, "orbits": orbits, "periods": periods, "from": from, "to": to, "end": end_word(end),
-                "last": told(last),
-            })
-        });
-        told.collect()
-    }
+/// The branches after the first one, as JSON.
+fn told_branches(come: &Come, ends: &[End]) -> Vec<Value> {
+    let branches = come.born.iter().zip(come.lasts.iter().zip(ends).skip(1)).enumerate();
+    let told = branches.map(|(place, (beginning, ((step, last), end)))| {
+        let branch = place + 1;
+        let orbits = come.rows.iter().filter(|row| shown::branch_of(row) == branch).count() as u64;
+        let (periods, to) = (beginning.periods, step.unknown.parameter);
+        let from = beginning.step.unknown.parameter;
+        let of = if periods == 2 { " of twice the period" } else { "" };
+        let (from_word, to_word) = (number(from), number(to));
+        let words = format!("{branch}: {}{of}, from {from_word} to {to_word}", counted(orbits, "orbit"));
+        json!({
+            "branch": branch, "words": words, "orbits": orbits, "periods": periods, "from": from, "to": to, "end": end_word(end),
+            "last": told(last),
+        })
+    });
+    told.collect()
 }
 
 /// A change of stability in words, from JSON.

@@ -164,8 +164,9 @@ fn with_pulses(
 /// Rows of pulses are those of the states, wherever the analysis began; a row that is not is named.
 #[test]
 fn rows_of_pulses_are_made_again() {
+    type Change = fn(&mut ResultColumns);
     let place = Place::new();
-    let (telling, silent): (fn(&mut ResultColumns), fn(&mut ResultColumns)) =
+    let (telling, silent): (Change, Change) =
         (|_| (), |columns| columns.names = columns.names.split(';').next().unwrap().to_owned());
     for chain in [
         "--preset light-impurity --beads 60 --impurity 30=0.6e-3 --duration 6e-3",

@@ -232,7 +232,9 @@ mod tests {
     fn an_animated_png_holds_every_picture() {
         let mut file = Vec::new();
         let mut reel = Apng::new(&mut file, (40, 30), 5, 25).expect("begins");
-        pictures().into_iter().for_each(|picture| reel.push(picture).expect("writes"));
+        for picture in pictures() {
+            reel.push(picture).expect("writes");
+        }
         reel.finish().expect("ends");
         let mut reader = png::Decoder::new(io::Cursor::new(&file)).read_info().expect("a header");
         assert_eq!(reader.info().animation_control().map(|all| all.num_frames), Some(5));
@@ -256,7 +258,9 @@ mod tests {
     fn a_gif_holds_every_picture_in_its_colours() {
         let mut file = Vec::new();
         let mut reel = Gif::new(&mut file, &pictures()[0], 25).expect("begins");
-        pictures().into_iter().for_each(|picture| reel.push(picture).expect("writes"));
+        for picture in pictures() {
+            reel.push(picture).expect("writes");
+        }
         reel.finish().expect("ends");
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
