@@ -376,9 +376,17 @@ impl dyn Outlet + '_ {
 
 /// Keeps the last row that was published.
 #[derive(Debug, Clone, Default)]
-pub struct LastRow(Option<KeptValues>);
+pub struct LastRow {
+    kept: Option<KeptValues>,
+    is_read: bool,
+}
 
 impl LastRow {
+    /// One that also gets the rows which analyses make only for readers.
+    pub fn read() -> Self {
+        Self { is_read: true, ..Self::default() }
+    }
+
     /// A number of the summary of `analysis` once it has finished, from its rows if it gives none.
     pub fn value(
         &self,
@@ -397,12 +405,12 @@ impl LastRow {
 
     /// The row, if there is one.
     pub fn values(&self) -> Option<RowValues<'_>> {
-        self.0.as_ref().map(KeptValues::lend)
+        self.kept.as_ref().map(KeptValues::lend)
     }
 
     /// Keeps a row.
     pub fn take(&mut self, row: RowValues<'_>) {
-        match (&mut self.0, row) {
+        match (&mut self.kept, row) {
             (Some(KeptValues::Numbers(kept)), RowValues::Numbers(row)) => row.clone_into(kept),
             (Some(KeptValues::Classes(kept)), RowValues::Classes(row)) => row.clone_into(kept),
             (kept, row) => *kept = Some(row.into()),
@@ -418,7 +426,7 @@ impl Outlet for LastRow {
     fn line(&mut self, _: usize, _: &[Cell]) {}
 
     fn is_published(&self) -> bool {
-        false
+        self.is_read
     }
 
     fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {

@@ -69,6 +69,17 @@ impl Drives {
         (!drives.is_empty()).then(|| Self { drives: drives.to_vec(), dt_s })
     }
 
+    /// The places (m) and the velocities (m/s) of the walls while they act as `now`.
+    pub(crate) fn walls(&self, now: &[Now]) -> [[f64; 2]; 2] {
+        let mut walls = [[0.0; 2]; 2];
+        for (d, now) in now.iter().enumerate() {
+            if let Acts::Wall(side) = self.acts(d) {
+                (walls[0][side], walls[1][side]) = (now.x_m, now.v_m_s);
+            }
+        }
+        walls
+    }
+
     /// The beads that they push.
     pub(crate) fn pushed(&self) -> impl Iterator<Item = usize> {
         (0..self.count())

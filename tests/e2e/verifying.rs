@@ -2,8 +2,7 @@
 
 use crate::harness::Place;
 use analyses::pulses::OFFER;
-use consumers::analysis::{Beginning, Outlet, Settings};
-use consumers::table::Cell;
+use consumers::analysis::{Beginning, LastRow, Settings};
 use recording::{RecordingSource, RecordingWriter, RowMessages, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use schemas::results::{ResultColumns, ResultRow, RowValues, Topic};
@@ -106,26 +105,6 @@ fn what_is_no_recording_cannot_be_verified() {
     place.run("verify nowhere.mcap").exits(2).says(&["nowhere.mcap"]);
 }
 
-/// Takes the rows that an analysis publishes.
-#[derive(Default)]
-struct Published(Vec<f64>);
-
-impl Outlet for Published {
-    fn wants(&self, _: usize) -> bool {
-        false
-    }
-
-    fn line(&mut self, _: usize, _: &[Cell]) {}
-
-    fn is_published(&self) -> bool {
-        true
-    }
-
-    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
-        row.numbers().clone_into(&mut self.0);
-    }
-}
-
 /// Copies `run.mcap` to `to`, with the rows of pulses above 0.01 from frame `first` on of an analysis that began `before` it, each as
 /// `change` leaves it; their channel tells the threshold as `told` says.
 fn with_pulses(
@@ -149,12 +128,13 @@ fn with_pulses(
         if frame.frame + before < first {
             continue;
         }
-        let mut row = Published::default();
+        let mut row = LastRow::read();
         analysis.observe(&frame, &mut row);
-        change(frame.frame, &mut row.0);
+        let mut values = row.values().unwrap().numbers().to_vec();
+        change(frame.frame, &mut values);
         if frame.frame >= first {
             let Frame { frame, step, time_s, .. } = frame;
-            let row = ResultRow { frame, step, time_s, values: RowValues::Numbers(&row.0) };
+            let row = ResultRow { frame, step, time_s, values: RowValues::Numbers(&values) };
             copy.write_row(&messages, &row).unwrap();
         }
     }

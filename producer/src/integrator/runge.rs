@@ -233,12 +233,8 @@ impl Runge {
 
     /// Evaluates the slopes of `stage`, from the state there.
     fn evaluate(&mut self, stage: usize, beads: &Range<usize>) {
-        let (mut walls_m, mut walls_m_s) = ([0.0; 2], [0.0; 2]);
-        for (d, now) in self.now.iter().enumerate() {
-            if let Some(Acts::Wall(side)) = self.drives.as_ref().map(|drives| drives.acts(d)) {
-                (walls_m[side], walls_m_s[side]) = (now.x_m, now.v_m_s);
-            }
-        }
+        let walls = self.drives.as_ref().map(|drives| drives.walls(&self.now));
+        let [walls_m, walls_m_s] = walls.unwrap_or_default();
         let [u_m, v_m_s, ..] = &mut self.at.arrays;
         let mut motion = Motion { u_m: u_m.whole(), v_m_s: v_m_s.whole(), walls_m, walls_m_s };
         self.kernel.evaluate_moving(beads, &mut motion, &mut self.power_w);

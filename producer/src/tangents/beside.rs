@@ -121,20 +121,14 @@ impl Pushed {
         let beads = 0..u_m.len();
         self.u_m.copy_from_slice(u_m);
         self.v_m_s.copy_from_slice(v_m_s);
-        let acts = |d| self.drives.as_ref().map(|drives| drives.acts(d));
-        let (mut walls_m, mut walls_m_s) = ([0.0; 2], [0.0; 2]);
-        for (d, now) in now.iter().enumerate() {
-            if let Some(Acts::Wall(side)) = acts(d) {
-                (walls_m[side], walls_m_s[side]) = (now.x_m, now.v_m_s);
-            }
-        }
+        let [walls_m, walls_m_s] = self.drives.as_ref().map(|drives| drives.walls(now)).unwrap_or_default();
         self.kernel.restart(Activity::of(u_m, v_m_s).with(0).with(u_m.len() - 1));
         let mut motion = Motion { u_m: self.u_m.whole(), v_m_s: self.v_m_s.whole(), walls_m, walls_m_s };
         self.kernel.evaluate_moving(&beads, &mut motion, &mut self.power_w);
         let [of_beads, of_resonators] = &mut self.found;
         self.kernel.net_forces(&beads, rows, of_beads);
         for (d, now) in now.iter().enumerate() {
-            if let Some(Acts::Pushes(bead)) = acts(d) {
+            if let Some(Acts::Pushes(bead)) = self.drives.as_ref().map(|drives| drives.acts(d)) {
                 of_beads[bead] += now.force_n;
             }
         }

@@ -15,7 +15,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 8_340),
-    ("consumers", 6_185),
+    ("consumers", 6_190),
     ("consumers/analyses", 4_455),
     ("consumers/experiments", 1_615),
     ("consumers/exports", 950),

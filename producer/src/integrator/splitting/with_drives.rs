@@ -112,7 +112,7 @@ impl Splitting {
         }
         let after = |drifts: usize| &moments[drifts * drives.count()..][..drives.count()];
         let drifts = 1..moments.len() / drives.count(); // integers
-        self.kernel.move_walls_along(drifts.map(|drifts| walls_at(drives, after(drifts))));
+        self.kernel.move_walls_along(drifts.map(|drifts| drives.walls(after(drifts))[0]));
         let before_n = self.kernel.forces_at_ends();
         before_kick.clear();
         before_kick.extend((0..drives.count()).map(|d| (drives.velocity_at(d, v_m_s), 0.0)));
@@ -159,7 +159,7 @@ impl Splitting {
         if let Some(drives) = &others.drives {
             let start = Piece::whole(state.step, self.dt_s()).start();
             drives.at(start, others.rows.drives_of(&state.extra), &mut others.now);
-            self.kernel.move_walls(walls_at(drives, &others.now));
+            self.kernel.move_walls(drives.walls(&others.now)[0]);
         }
         self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
         if let Some(tangents) = &mut self.tangents {
@@ -179,7 +179,7 @@ impl Splitting {
                 state.u_m[bead] = now.x_m;
             }
         }
-        self.kernel.move_walls(walls_at(drives, &others.now));
+        self.kernel.move_walls(drives.walls(&others.now)[0]);
     }
 
     /// Makes a kick of `kick_s` by the forces evaluated last, and adds the work of the drives meanwhile.
@@ -266,7 +266,7 @@ impl Splitting {
 impl Others {
     /// The places of the walls (m).
     fn walls_m(&self) -> [f64; 2] {
-        self.drives.as_ref().map_or([0.0; 2], |drives| walls_at(drives, &self.now))
+        self.drives.as_ref().map_or([0.0; 2], |drives| drives.walls(&self.now)[0])
     }
 }
 
@@ -282,15 +282,4 @@ fn finish_piece(drives: &Drives, others: &Others, state: &mut ChainState) {
         }
         row[2 * d + 1] = now.x_m;
     }
-}
-
-/// The places of the walls (m).
-fn walls_at(drives: &Drives, now: &[Now]) -> [f64; 2] {
-    let mut walls_m = [0.0; 2];
-    for (d, now) in now.iter().enumerate() {
-        if let Acts::Wall(side) = drives.acts(d) {
-            walls_m[side] = now.x_m;
-        }
-    }
-    walls_m
 }

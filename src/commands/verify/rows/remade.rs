@@ -1,19 +1,20 @@
 //! Rows of any analysis, made again of their frames with the settings that the rows tell.
 //!
-//! Where a row depends on the frames before, the analysis may have begun with the first state that there is, or with its
+//! A row may depend on the frames before. Then the analysis may have begun with the first state that there is or with its
 //! first row. Another beginning, or frames that it missed, cannot be known: then a row that differs is not wrong.
 
 use super::{Compared, is_same};
-use consumers::analysis::{Analysis, Beginning, Offer, Outlet, Refusal, Remake, Settings};
-use consumers::table::Cell;
+use consumers::analysis::{Analysis, Beginning, LastRow, Offer, Refusal, Remake, Settings};
 use recording::RecordedRow;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::results::{KeptValues, RowValues};
+use schemas::results::RowValues;
 
 /// The rows of one topic.
 pub(super) struct RemadeRows {
     offer: &'static Offer,
+    /// Names of the columns of rows about things of their own, which have the numbers of these in front and are filled up with NaN.
+    filled: Vec<&'static str>,
     begun: Option<Begun>,
     /// Number of the last row's frame.
     last: Option<u64>,
@@ -41,7 +42,8 @@ impl RemadeRows {
         let (name, is_added) = name.strip_prefix("own/").map_or((name, false), |name| (name, true));
         let offer = analyses::named(name).filter(|offer| analyses::is_added(offer) == is_added)?;
         let can_be = !matches!(offer.needs.remake, Remake::Not);
-        can_be.then_some(Self { offer, begun: None, last: None, is_sure: true })
+        let filled = offer.columns.iter().map(|column| column.name).collect();
+        can_be.then_some(Self { offer, filled, begun: None, last: None, is_sure: true })
     }
 
     /// The settings that a row tells, of columns with these names.
@@ -88,8 +90,8 @@ impl RemadeRows {
         names: &[&str],
         row: &RecordedRow,
     ) -> Option<Compared> {
-        let (is_row, offer) = (row.frame == frame.frame, self.offer);
-        let follows = matches!(offer.needs.remake, Remake::OfFramesBefore(_));
+        let is_row = row.frame == frame.frame;
+        let follows = matches!(self.offer.needs.remake, Remake::OfFramesBefore(_));
         if !is_row && !follows {
             return None;
         }
@@ -115,17 +117,12 @@ impl RemadeRows {
             let what = format!("its columns are {}, those of the analysis {own}", names.join(","));
             return Some(Compared::Differs(what));
         }
-        // rows about things of their own have the numbers of these in front, and are filled up with NaN
-        let names = if follows {
-            &*offer.columns.iter().map(|column| column.name).collect::<Vec<_>>()
-        } else {
-            names
-        };
+        let names = if follows { &self.filled } else { names };
         let mut differ = Vec::new();
         for analysis in &mut *analyses {
-            let mut made = Made(None);
+            let mut made = LastRow::read();
             analysis.observe(frame, &mut made);
-            differ.extend(is_row.then(|| made.differs(row, names, follows)));
+            differ.extend(is_row.then(|| differs(&made, row, names, follows)));
         }
         if differ.iter().any(Option::is_none) {
             let mut each = differ.iter();
@@ -137,37 +134,16 @@ impl RemadeRows {
     }
 }
 
-/// The row that an analysis publishes.
-struct Made(Option<KeptValues>);
-
-impl Outlet for Made {
-    fn wants(&self, _: usize) -> bool {
-        false
-    }
-
-    fn line(&mut self, _: usize, _: &[Cell]) {}
-
-    fn is_published(&self) -> bool {
-        true
-    }
-
-    fn publish(&mut self, _: &Frame<'_>, row: RowValues<'_>) {
-        self.0 = Some(row.into());
-    }
-}
-
-impl Made {
-    /// Difference between `row` and this one, which may be filled up with NaN.
-    fn differs(&self, row: &RecordedRow, names: &[&str], is_filled: bool) -> Option<String> {
-        match (self.0.as_ref().map(KeptValues::lend), row.values.lend()) {
-            (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) if is_filled => {
-                let filler = vec![f64::NAN; made.len().saturating_sub(found.len())];
-                numbers_differ(made, &[found, &filler].concat(), names)
-            }
-            (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) => numbers_differ(made, found, names),
-            (Some(RowValues::Classes(made)), RowValues::Classes(found)) => classes_differ(made, found),
-            _ => Some("its values are of another type".to_owned()),
+/// Difference between a row and the one made, which may be filled up with NaN.
+fn differs(made: &LastRow, row: &RecordedRow, names: &[&str], is_filled: bool) -> Option<String> {
+    match (made.values(), row.values.lend()) {
+        (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) if is_filled => {
+            let filler = vec![f64::NAN; made.len().saturating_sub(found.len())];
+            numbers_differ(made, &[found, &filler].concat(), names)
         }
+        (Some(RowValues::Numbers(made)), RowValues::Numbers(found)) => numbers_differ(made, found, names),
+        (Some(RowValues::Classes(made)), RowValues::Classes(found)) => classes_differ(made, found),
+        _ => Some("its values are of another type".to_owned()),
     }
 }
 
