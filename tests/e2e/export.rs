@@ -1,8 +1,7 @@
 //! `beadline export`: states for other programs, read by what others wrote.
 
-use crate::harness::{Ended, Place, Running, python, wait_until};
+use crate::harness::{Place, Running, python, wait_until};
 use std::fs;
-use std::time::Duration;
 
 /// A short chain between walls, with an impurity, so that no two of its beads and contacts are the same.
 const CHAIN: &str = r#"
@@ -211,7 +210,7 @@ fn memory_does_not_grow_with_the_recording() {
             let beads = "--beads 0..100";
             let words =
                 format!("export {name}.mcap --every-step --jobs 1 {beads} --out {name}.{format} --json");
-            let (ended, peak_kb) = peak_kb(place.start(&words));
+            let (ended, peak_kb) = place.start(&words).wait_for_peak();
             assert!(ended.exits(0).json()["states"].as_u64().unwrap() > 2000);
             peak_kb
         };
@@ -219,20 +218,6 @@ fn memory_does_not_grow_with_the_recording() {
         // the long one holds 88 MB of states, all formats keep less than 30 MB of them
         assert!(long < short + 40_000, "{format}: {short} kB, and {long} kB for the long run");
     }
-}
-
-/// Waits for a process, and looks at the most memory (kB) that it has had.
-fn peak_kb(mut running: Running) -> (Ended, u64) {
-    let status = format!("/proc/{}/status", running.id());
-    let mut peak = 0;
-    while running.is_running() {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let found = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
-        peak = peak.max(found.unwrap_or(0));
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    (running.wait(), peak)
 }
 
 /// The names of the files in the directory.

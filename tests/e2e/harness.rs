@@ -171,6 +171,22 @@ impl Running {
         self.child.as_mut().unwrap().try_wait().unwrap().is_none()
     }
 
+    /// Waits for its end, and tells the most memory (kB) that it had.
+    pub(crate) fn wait_for_peak(mut self) -> (Ended, u64) {
+        let status = format!("/proc/{}/status", self.id());
+        let mut peak = None;
+        while self.is_running() {
+            let text = fs::read_to_string(&status).unwrap_or_default();
+            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            let found = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
+            // a later mark is never lower; the first may be of this process, whose memory a child has until it is
+            // its own program
+            peak = found.or(peak);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        (self.wait(), peak.unwrap())
+    }
+
     pub(crate) fn wait(mut self) -> Ended {
         let output = self.child.take().unwrap().wait_with_output().unwrap();
         Ended { words: std::mem::take(&mut self.words), output }

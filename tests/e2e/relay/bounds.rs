@@ -13,7 +13,6 @@ use producer::state::ChainState;
 use schemas::manifest::RunManifest;
 use schemas::presets::PRESETS;
 use schemas::results::{ENERGIES, ResultColumns};
-use std::fs;
 use std::net::TcpStream;
 
 /// A run of some thousand frames, and its states.
@@ -117,18 +116,9 @@ fn refused(answers: Vec<String>) -> Ended {
 
 /// Waits for the end of a side, and asserts that it never had much memory.
 #[track_caller]
-fn bounded(mut side: Running) -> Ended {
-    let status = format!("/proc/{}/status", side.id());
-    let mut most_kb = 0;
-    wait_until("its end", || {
-        let said = fs::read_to_string(&status).unwrap_or_default();
-        let peak = said.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let peak: Option<u64> = peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse().ok());
-        most_kb = most_kb.max(peak.unwrap_or(0));
-        (!side.is_running()).then_some(())
-    });
-    let ended = side.wait();
-    assert!((1..200_000).contains(&most_kb), "{most_kb} kB\n{}", ended.stderr());
+fn bounded(side: Running) -> Ended {
+    let (ended, most_kb) = side.wait_for_peak();
+    assert!(most_kb < 200_000, "{most_kb} kB\n{}", ended.stderr());
     ended
 }
 

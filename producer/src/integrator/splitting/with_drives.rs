@@ -5,7 +5,7 @@
 //! order.
 
 use super::{Others, Splitting};
-use crate::drives::{Acts, Drives, Now, When};
+use crate::drives::{Acts, Drives, When};
 use crate::kernel::{Activity, Pass, PerLane, Pushed, Shake};
 use crate::pieces::Piece;
 use crate::state::ChainState;
