@@ -166,6 +166,11 @@ impl<'a> Stage<'a> {
         }
     }
 
+    /// True if frames wait for their time.
+    pub(crate) fn holds_back(&self) -> bool {
+        self.paused_since.is_some() || self.pacer.pace() != Pace::Max
+    }
+
     /// `Break` once the end was asked for.
     pub(crate) fn go_on(&self) -> ControlFlow<()> {
         if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -12,12 +12,15 @@ use std::error::Error;
 use std::ops::ControlFlow;
 pub use together::Together;
 
+/// Most steps between two frames that are looked at, where nobody needs those between.
+const MOST_STEPS: u64 = 1000;
+
 /// Result of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunOutcome {
     /// [`EndReason::Complete`] or, when the conductor ended it early, [`EndReason::Interrupted`].
     pub reason: EndReason,
-    /// Frames published.
+    /// Frames published; with those that were left out, if nobody heard them.
     pub published_count: u64,
     /// Frames recorded; only the new ones if the run was resumed.
     pub recorded_count: u64,
@@ -76,6 +79,12 @@ pub trait Conductor<P: FrameSink, R> {
         publisher: &mut P,
         recorder: Option<&mut R>,
     ) -> ControlFlow<()>;
+
+    /// True if somebody needs the frames that are not recorded. If nobody does, most of them are left out, since several steps at once are
+    /// faster.
+    fn hears_every_frame(&self, _publisher: &P) -> bool {
+        true
+    }
 
     /// Called between frames, from time to time, if there are steps between them. `Break` ends the run early,
     /// with the frame before as its last.
@@ -171,8 +180,10 @@ struct Simulation<'a, P, R, C> {
     next: u64,
     /// True if that frame has not been seen before.
     fresh: bool,
-    /// The last frame, if there are steps between frames, after which it is gone.
-    last_published: Option<ChainState>,
+    /// Frames from one to the next if nobody hears those between.
+    stride: u64,
+    /// The last frame, once there are steps between frames, after which it is gone.
+    last_looked_at: Option<ChainState>,
 }
 
 impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C> {
@@ -189,7 +200,8 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             first: if fresh { number } else { number + 1 },
             next: state.step,
             fresh,
-            last_published: (manifest.provenance.publish_every_steps > 1).then(|| state.clone()),
+            stride: stride(manifest),
+            last_looked_at: None,
             state,
         }
     }
@@ -246,20 +258,25 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             recording.take(&frame)?;
             return Ok(ControlFlow::Break(self.outcome(EndReason::Interrupted, self.number + 1)));
         }
-        if let Some(last) = &mut self.last_published {
-            last.copy_from(&frame);
-        }
-        self.number += 1;
+        let stride = if conductor.hears_every_frame(publisher) { 1 } else { self.stride };
+        self.number = ((*number / stride + 1) * stride).min(manifest.frame_count() - 1);
         self.next = manifest.step_of_frame(self.number);
+        if self.next > frame.step + 1 {
+            match &mut self.last_looked_at {
+                Some(last) => last.copy_from(&frame),
+                last => *last = Some(ChainState::of_frame(&frame)),
+            }
+        }
         Ok(ControlFlow::Continue(()))
     }
 
     /// Ends with the frame before the state that has been reached.
     fn give_up(&mut self) -> Ended<P, R> {
         // there are steps between frames, so there is a copy
-        self.state = self.last_published.take().unwrap_or_else(|| self.state.clone());
-        self.recording.take(&self.state.as_frame(self.manifest, self.number - 1))?;
-        Ok(self.outcome(EndReason::Interrupted, self.number))
+        self.state = self.last_looked_at.take().unwrap_or_else(|| self.state.clone());
+        let number = self.manifest.frame_at(self.state.step);
+        self.recording.take(&self.state.as_frame(self.manifest, number))?;
+        Ok(self.outcome(EndReason::Interrupted, number + 1))
     }
 
     /// Refuses the state that has been reached if bead `found` is not finite.
@@ -299,6 +316,15 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             lost: None,
         }
     }
+}
+
+/// The most frames, of those to the next recorded one, by which all recorded ones are reached, and after which progress is shown and stops are
+/// noticed soon.
+fn stride(manifest: &RunManifest) -> u64 {
+    let stream = &manifest.provenance;
+    let recorded = stream.record_every_steps / stream.publish_every_steps; // integers
+    let most = recorded.min(MOST_STEPS / stream.publish_every_steps);
+    (1..=most).rev().find(|frames| recorded.is_multiple_of(*frames)).unwrap_or(1)
 }
 
 /// ΔE/E of `state`.
@@ -397,6 +423,42 @@ mod tests {
         assert_eq!(published, [0, 2, 4]);
         assert_eq!(recorded, [0, 4]);
         assert_eq!((outcome.reason, outcome.last_step), (EndReason::Interrupted, 4));
+    }
+
+    /// Hears frames up to a step, and then those that are recorded.
+    struct HearsUntil(u64, u64);
+
+    impl<P: FrameSink, R> Conductor<P, R> for HearsUntil {
+        fn after_frame(&mut self, frame: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
+            self.1 = frame.step;
+            ControlFlow::Continue(())
+        }
+
+        fn hears_every_frame(&self, _: &P) -> bool {
+            self.1 < self.0
+        }
+    }
+
+    #[test]
+    fn frames_that_nobody_hears_are_left_out() {
+        let conduct = |until| {
+            let (mut published, mut recorded) = (Steps::default(), Steps::default());
+            let outcome = run(&manifest(), &mut published, Some(&mut recorded), &mut HearsUntil(until, 0));
+            (published.0, recorded.0, outcome.expect("runs"))
+        };
+        for (until, heard) in [(0, vec![0, 6, 12, 15]), (4, vec![0, 2, 4, 6, 12, 15])] {
+            let (published, recorded, outcome) = conduct(until);
+            assert_eq!((published, recorded), (heard, vec![0, 6, 12, 15]));
+            assert_eq!(outcome, steps(u64::MAX).2, "the same bits");
+        }
+        let mut manifest = manifest();
+        for (published, recorded, frames) in
+            [(1, 100, 100), (1, 7000, 1000), (3, 3 * 1009, 1), (2, 4000, 500), (5000, 10_000, 1)]
+        {
+            manifest.provenance.publish_every_steps = published;
+            manifest.provenance.record_every_steps = recorded;
+            assert_eq!(stride(&manifest), frames, "{published}, {recorded}");
+        }
     }
 
     /// Ends the run after this many unpublished steps.

@@ -402,6 +402,10 @@ impl Conductor<Outlet, RecordingWriter> for Stage<'_> {
         self.hold(frame.time_s, publisher)
     }
 
+    fn hears_every_frame(&self, publisher: &Outlet) -> bool {
+        matches!(publisher, Outlet::Bus(_)) || self.holds_back()
+    }
+
     fn between_steps(&mut self, publisher: &mut Outlet) -> ControlFlow<()> {
         Stage::between_steps(self, publisher)
     }

@@ -66,6 +66,10 @@ impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
         self.go_on()
     }
 
+    fn hears_every_frame(&self, _: &Unpublished) -> bool {
+        false
+    }
+
     fn between_steps(&mut self, _: &mut Unpublished) -> ControlFlow<()> {
         self.go_on()
     }
