@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ._files import Verdict, View
     from ._orbit import Orbit, orbit
     from ._recording import Recording, State, open
-    from ._run import Run, Simulation, preset, presets
+    from ._run import Run, Simulation, preset, presets, simulate
     from ._sweep import sweep
     from ._table import Table
     from .errors import (
@@ -77,7 +77,7 @@ _PLACES = {
     ),
     "_orbit": ("Orbit", "orbit"),
     "_recording": ("Recording", "State", "open"),
-    "_run": ("Run", "Simulation", "preset", "presets"),
+    "_run": ("Run", "Simulation", "preset", "presets", "simulate"),
     "_sweep": ("sweep",),
     "_table": ("Table",),
     "errors": (

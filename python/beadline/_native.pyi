@@ -82,6 +82,12 @@ def simulate(
     on_progress: Callable[[int], object] | None = None,
     on_frame: tuple[Callable[[int, int, float, Doubles, Doubles, Doubles], object], int] | None = None,
 ) -> tuple[States, dict[str, Any]]: ...
+def simulate_all(
+    manifests: Sequence[Manifest],
+    *,
+    jobs: int | None = None,
+    on_progress: Callable[[int], object] | None = None,
+) -> list[tuple[States, dict[str, Any]]]: ...
 
 class Simulation:
     def __init__(

@@ -7,7 +7,7 @@ import os
 import re
 import tomllib
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
@@ -269,7 +269,7 @@ class Run:
         manifest = self._begun(self._manifest.publish_every_steps if every is None else count("every", every))
         path = mcap(path if path is not None else f"{self.name}.mcap")
         if force or not path.exists():
-            self._confirm(yes)
+            _confirm(self._manifest.computing_s(), yes)
         with self._progress(progress) as tell:
             summary = _native.record(
                 manifest,
@@ -307,11 +307,9 @@ class Run:
         from ._fields import check_memory
         from ._recording import Recording
 
-        published = self._manifest.publish_every_steps
-        manifest = self._begun(-(-count("every", every) // published) * published)
-        kept_bytes = 8 * self._manifest.frame_doubles * (self.steps // manifest.record_every_steps + 2)
+        manifest, kept_bytes = self._kept(count("every", every))
         check_memory(f"a run that keeps every {every:,}. step", kept_bytes, "keep fewer with every=…, or record() them in a file")
-        self._confirm(yes)
+        _confirm(self._manifest.computing_s(), yes)
         with self._progress(progress) as tell:
             on = _frames_to(on_frame, manifest, on_frame_every)
             states, summary = _native.simulate(manifest, on_progress=tell, on_frame=on)
@@ -378,16 +376,11 @@ class Run:
     def _begun(self, every: int) -> _native.Manifest:
         return self._manifest.begun(every)
 
-    def _confirm(self, yes: bool) -> None:
-        """Tells of a long run before it begins, as the command does."""
-        from ._progress import duration
-
-        takes_s = 0.0 if yes else self._manifest.computing_s()
-        if takes_s > _ABSURD_S:
-            takes = f"this takes at least {duration(takes_s)}, which looks like a mistake"
-            raise ValueError(f"{takes}; take a shorter duration or fewer beads, or yes=True")
-        if takes_s > _TOLD_S:
-            warnings.warn(f"this takes at least {duration(takes_s)}; yes=True begins without this warning", RuntimeWarning, 3)
+    def _kept(self, every: int) -> tuple[_native.Manifest, int]:
+        """The run that keeps every ``every``. step, or the next that is published, and the bytes that it keeps."""
+        published = self._manifest.publish_every_steps
+        manifest = self._begun(-(-every // published) * published)
+        return manifest, 8 * self._manifest.frame_doubles * (self.steps // manifest.record_every_steps + 2)
 
     @contextmanager
     def _progress(self, show: bool | None) -> Iterator[Callable[[int], object]]:
@@ -432,6 +425,66 @@ def _initial(initial: Initial, chain: Config) -> Config:
     # a text has no place for the sign of 0, and needs none: it is lost where states are added up
     names = ("displacements_m", "velocities_m_s")
     return {name: numbers(f"initial.{name}", values).tolist() for name, values in zip(names, pair, strict=True)}
+
+
+def simulate(
+    runs: Iterable[Run],
+    *,
+    every: int = 100,
+    jobs: int | None = None,
+    progress: bool | None = None,
+    yes: bool = False,
+) -> list[Recording]:
+    """Simulates many runs in memory, in threads: each as :meth:`Run.simulate` does, with the same bits.
+
+    Short chains that differ in numbers alone (masses, stiffnesses, loads, time steps, beginnings, seeds) are computed side by side in the
+    processor's registers, up to eight at once: put such runs next to each other.
+
+    Args:
+        runs: The runs.
+        every: Steps between two states that are kept; the steps between them are recomputed when they are asked for.
+        jobs: Threads; by default one for each core.
+        progress: Show the progress; by default in terminals and notebooks.
+        yes: Begin without a warning, also if they take more than a year.
+
+    Raises:
+        MemoryError: If there is not enough of it for the states that are kept.
+        ValueError: If they take more than a year, which looks like a mistake.
+        RunError: If the values of one are no longer finite; ``runs[3]:`` says which.
+    """
+    from ._fields import check_memory
+    from ._progress import Progress
+    from ._recording import Recording
+
+    runs = list(runs)
+    for number, run in enumerate(runs):
+        if not isinstance(run, Run):
+            raise TypeError(f"runs[{number}]: found {run!r}; expected a beadline.Run")
+    every, jobs = count("every", every), jobs if jobs is None else count("jobs", jobs)
+    kept = [run._kept(every) for run in runs]
+    kept_bytes = sum(kept_bytes for _, kept_bytes in kept)
+    check_memory(f"{len(runs)} runs that keep every {every:,}. step", kept_bytes, "keep fewer with every=…, or sweep() for a table")
+    _confirm(sum(run._manifest.computing_s() for run in runs) / (jobs or os.cpu_count() or 1), yes)
+    with Progress(len(runs), "simulate", progress, "runs") as bar:
+        made = _native.simulate_all([manifest for manifest, _ in kept], jobs=jobs, on_progress=bar.update)
+    recordings = []
+    for states, summary in made:
+        recordings.append(Recording(states))
+        recordings[-1].summary = summary
+    return recordings
+
+
+def _confirm(takes_s: float, yes: bool) -> None:
+    """Tells of long work before it begins, as the command does."""
+    from ._progress import duration
+
+    if yes:
+        return
+    if takes_s > _ABSURD_S:
+        takes = f"this takes at least {duration(takes_s)}, which looks like a mistake"
+        raise ValueError(f"{takes}; take a shorter duration or fewer beads, or yes=True")
+    if takes_s > _TOLD_S:
+        warnings.warn(f"this takes at least {duration(takes_s)}; yes=True begins without this warning", RuntimeWarning, 3)
 
 
 def _frames_to(

@@ -51,6 +51,11 @@ impl Why {
         Self { frame: Some(frame), ..self }
     }
 
+    /// The same, and which of several runs is meant.
+    pub(crate) fn of_run(self, number: usize) -> Self {
+        Self { message: format!("runs[{number}]: {}", self.message), ..self }
+    }
+
     pub(crate) fn of_io(error: &io::Error, path: &Path) -> Self {
         let code = error.raw_os_error();
         // Python says the number itself, and the path as open() does

@@ -33,6 +33,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(own::add_analysis, module)?)?;
     module.add_function(wrap_pyfunction!(run::record, module)?)?;
     module.add_function(wrap_pyfunction!(run::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(run::simulate_all, module)?)?;
     module.add_class::<manifest::Manifest>()?;
     module.add_class::<run::Simulation>()?;
     module.add_class::<states::States>()?;

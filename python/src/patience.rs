@@ -1,7 +1,10 @@
 //! Work without the interpreter, which looks at signals meanwhile.
 
 use crate::errors::{Why, of_panic};
+use experiments::pool::{Told, share_batches};
+use producer::integrator::Lanes;
 use pyo3::prelude::*;
+use std::num::NonZero;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -143,4 +146,43 @@ pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T,
         Ok(done) => done.map_err(PyErr::from),
         Err(panic) => Err(of_panic(&*panic)),
     }
+}
+
+/// Does `count` jobs in threads, by `work` that gets some at a time: as many as chains lie beside each other. Gives their results in order,
+/// none of one in which the program went wrong; `tell` is called with how many are done. Whatever raises meanwhile gives all of them up.
+pub(crate) fn shared<T: Send>(
+    py: Python<'_>,
+    count: usize,
+    threads: Option<NonZero<usize>>,
+    tell: Option<&Py<PyAny>>,
+    work: impl Fn(&AtomicBool, &[usize], &mut Vec<(usize, T)>) -> Result<(), Why> + Send + Sync,
+) -> PyResult<Vec<Option<T>>> {
+    let threads = threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let threads = threads.min(count).max(1);
+    let most = Lanes::most().min(count.div_ceil(threads)).max(1);
+    let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
+    detached(py, || {
+        let stop = &AtomicBool::new(false);
+        let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
+        let work = |_, batch: &[usize], results: &mut Vec<_>| work(stop, batch, results);
+        // what is heard is heard in the thread that Python called, at least every 100 ms
+        let shared = share_batches(0..count, (threads, most), stop, work, |told| {
+            match told {
+                Told::Done(job, result) => (results[job], done) = (Some(result), done + 1),
+                Told::Broken(_) => done += 1,
+                Told::Fewer(..) | Told::Nothing => {}
+            }
+            if raised.is_none() && looked.elapsed() >= LOOK {
+                looked = Instant::now();
+                raised = Python::attach(|py| {
+                    py.check_signals()?;
+                    tell.map_or(Ok(()), |tell| tell.call1(py, (done,)).map(drop))
+                })
+                .err();
+                stop.fetch_or(raised.is_some(), Ordering::Relaxed);
+            }
+        });
+        raised.map_or(shared, |error| Err(error.into()))
+    })?;
+    Ok(results)
 }

@@ -3,12 +3,12 @@
 use crate::arrays::{self, StateTuple, state_of};
 use crate::errors::Why;
 use crate::manifest::Manifest;
-use crate::patience::{Looks, detached, stoppable};
+use crate::patience::{Looks, detached, shared, stoppable};
 use crate::states::States;
 use bus::{Bus, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 use numpy::{PyArray1, PyArrayMethods as _};
 use producer::integrator::Integrator;
-use producer::run::{Conductor, RunError, RunOutcome};
+use producer::run::{Conductor, Job, RunError, RunOutcome, Together};
 use producer::state::ChainState;
 use producer::tangents::Neighbours;
 use pyo3::exceptions::PyValueError;
@@ -19,6 +19,7 @@ use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::{Physics, RunManifest};
 use std::convert::Infallible;
 use std::error::Error;
+use std::num::NonZero;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -53,8 +54,8 @@ impl Listener {
     }
 }
 
-impl<P: FrameSink, R> Conductor<P, R> for Listener {
-    fn after_frame(&mut self, frame: &Frame<'_>, _: &mut P, _: Option<&mut R>) -> ControlFlow<()> {
+impl<R> Conductor<Publisher, R> for Listener {
+    fn after_frame(&mut self, frame: &Frame<'_>, _: &mut Publisher, _: Option<&mut R>) -> ControlFlow<()> {
         if let Some((call, every)) = &self.on_frame
             && frame.frame.is_multiple_of(*every)
             && !self.looks.has_raised()
@@ -71,13 +72,17 @@ impl<P: FrameSink, R> Conductor<P, R> for Listener {
         self.go_on(frame.step)
     }
 
-    fn between_steps(&mut self, _: &mut P) -> ControlFlow<()> {
+    fn hears_every_frame(&self, publisher: &Publisher) -> bool {
+        self.on_frame.is_some() || matches!(publisher, Publisher::Bus(_))
+    }
+
+    fn between_steps(&mut self, _: &mut Publisher) -> ControlFlow<()> {
         // no step is passed: what is told is whole frames
         let go_on = self.looks.go_on(|_| Ok(())) && !self.is_stopped();
         if go_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     }
 
-    fn is_stop(&self, _: &P::Error) -> bool {
+    fn is_stop(&self, _: &PublishError) -> bool {
         // a publisher that a consumer holds back gives up then
         self.is_stopped()
     }
@@ -226,16 +231,97 @@ pub(crate) fn simulate<'py>(
     on_frame: Option<(Py<PyAny>, u64)>,
 ) -> PyResult<(States, Bound<'py, PyDict>)> {
     let mut listener = Listener::new(on_progress, on_frame);
-    let (outcome, states) = detached(py, || {
+    let made = detached(py, || {
         let mut memory = Memory::default();
         let outcome =
             producer::run::run(&manifest.run, &mut Publisher::Nobody, Some(&mut memory), &mut listener)?;
-        Ok((outcome, memory.0))
+        Ok((outcome, memory))
     })?;
     listener.looks.end()?;
+    in_memory(py, manifest, made)
+}
+
+/// Simulates runs and keeps states of each in memory, as `simulate` does: alike chains beside each other, in `jobs` threads. `on_progress`
+/// is called with how many are done. The first that fails ends all.
+#[pyfunction]
+#[pyo3(signature = (manifests, *, jobs=None, on_progress=None))]
+pub(crate) fn simulate_all<'py>(
+    py: Python<'py>,
+    manifests: Vec<PyRef<'py, Manifest>>,
+    jobs: Option<NonZero<usize>>,
+    on_progress: Option<Py<PyAny>>,
+) -> PyResult<Vec<(States, Bound<'py, PyDict>)>> {
+    let runs: Vec<_> = manifests.iter().map(|manifest| Arc::clone(&manifest.run)).collect();
+    let simulate = |stop: &AtomicBool, batch: &[usize], done: &mut Vec<(usize, Made)>| {
+        for together in Together::of(batch.iter().map(|number| &*runs[*number])) {
+            let numbers: Vec<usize> = together.numbers().iter().map(|place| batch[*place]).collect();
+            let takers = numbers.iter().map(|_| (Publisher::Nobody, Memory::default(), Stoppable(stop)));
+            let mut takers: Vec<_> = takers.collect();
+            let jobs = numbers.iter().zip(&mut takers).map(|(number, (publisher, memory, conductor))| Job {
+                manifest: &runs[*number],
+                publisher,
+                recorder: Some(memory),
+                conductor,
+            });
+            let mut failed = None;
+            together.run(jobs, |place, job, outcome| {
+                let number = batch[place];
+                match outcome {
+                    Ok(outcome) => {
+                        done.push((number, (outcome, job.recorder.map(std::mem::take).unwrap_or_default())));
+                        ControlFlow::Continue(())
+                    }
+                    Err(error) => {
+                        failed = Some(Why::from(error).of_run(number));
+                        ControlFlow::Break(())
+                    }
+                }
+            });
+            failed.map_or(Ok(()), Err)?;
+        }
+        Ok(())
+    };
+    let made = shared(py, runs.len(), jobs, on_progress.as_ref(), simulate)?;
+    let kept = |(number, (manifest, made)): (usize, (&PyRef<'_, Manifest>, Option<Made>))| {
+        let broken = || Why::new("BeadlineError", "Beadline went wrong: that is a bug, please report it");
+        in_memory(py, manifest, made.ok_or_else(|| broken().of_run(number))?)
+    };
+    manifests.iter().zip(made).enumerate().map(kept).collect()
+}
+
+/// A run that was made, and its states.
+type Made = (RunOutcome, Memory);
+
+fn in_memory<'py>(
+    py: Python<'py>,
+    manifest: &Manifest,
+    (outcome, Memory(states)): Made,
+) -> PyResult<(States, Bound<'py, PyDict>)> {
     let summary = PyDict::new(py);
     summarize(&summary, &outcome)?;
     Ok((States::of_memory(manifest.clone(), states, outcome.reason), summary))
+}
+
+/// A run that others can end.
+struct Stoppable<'a>(&'a AtomicBool);
+
+impl<R> Conductor<Publisher, R> for Stoppable<'_> {
+    fn after_frame(
+        &mut self,
+        _: &Frame<'_>,
+        publisher: &mut Publisher,
+        _: Option<&mut R>,
+    ) -> ControlFlow<()> {
+        Conductor::<Publisher, R>::between_steps(self, publisher)
+    }
+
+    fn hears_every_frame(&self, _: &Publisher) -> bool {
+        false
+    }
+
+    fn between_steps(&mut self, _: &mut Publisher) -> ControlFlow<()> {
+        if self.0.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
 }
 
 /// A run that is made step by step.

@@ -2,12 +2,11 @@
 
 use crate::errors::Why;
 use crate::own;
-use crate::patience::{LOOK, abandonable, detached};
+use crate::patience::{abandonable, shared};
 use consumers::table::{Cell, Kind};
-use experiments::pool::{NoThread, Told, share_batches};
+use experiments::pool::NoThread;
 use experiments::row::{self, Asked, At, Signals};
 use experiments::{ERROR_COLUMN, columns};
-use producer::integrator::Lanes;
 use producer::sweep::{ParameterValue, SweepError};
 use pyo3::IntoPyObjectExt as _;
 use pyo3::exceptions::PyIndexError;
@@ -15,9 +14,7 @@ use pyo3::prelude::*;
 use std::fs::read_to_string;
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Sweep>()
@@ -124,44 +121,20 @@ impl Sweep {
         if let Some(index) = indices.iter().find(|index| **index >= self.point_count()) {
             return Err(PyIndexError::new_err(format!("there is no point {index}")));
         }
-        let jobs = jobs.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
-        let mut rows: Vec<Option<Vec<Cell>>> = vec![None; indices.len()];
-        detached(py, || {
-            let stop = &AtomicBool::new(false);
+        let compute = |stop: &AtomicBool, batch: &[usize], rows: &mut Vec<(usize, Vec<Cell>)>| {
             let at = At::default();
-            let compute = |_, batch: &[usize], rows: &mut Vec<(usize, Vec<Cell>)>| {
-                let asked = batch.iter().map(|job| {
-                    let signals = Signals { stop, at: &at };
-                    Asked { index: indices[*job], recording: None, signals }
-                });
-                let asked = asked.collect::<Vec<_>>();
-                row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
-                    rows.push((batch[place], row));
-                    Ok(())
-                })
-            };
-            let jobs = jobs.min(indices.len()).max(1);
-            let most = Lanes::most().min(indices.len().div_ceil(jobs)).max(1);
-            let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
-            // what is heard is heard in the thread that Python called, at least every 100 ms
-            let shared = share_batches(0..indices.len(), (jobs, most), stop, compute, |told| {
-                match told {
-                    Told::Done(job, row) => (rows[job], done) = (Some(row), done + 1),
-                    Told::Broken(_) => done += 1,
-                    Told::Fewer(..) | Told::Nothing => {}
-                }
-                if raised.is_none() && looked.elapsed() >= LOOK {
-                    looked = Instant::now();
-                    raised = Python::attach(|py| {
-                        py.check_signals()?;
-                        on_progress.as_ref().map_or(Ok(()), |tell| tell.call1(py, (done,)).map(drop))
-                    })
-                    .err();
-                    stop.fetch_or(raised.is_some(), Ordering::Relaxed);
-                }
+            let asked = batch.iter().map(|job| {
+                let signals = Signals { stop, at: &at };
+                Asked { index: indices[*job], recording: None, signals }
             });
-            raised.or_else(own::raised).map_or(shared, |error| Err(error.into()))
-        })?;
+            let asked = asked.collect::<Vec<_>>();
+            row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
+                rows.push((batch[place], row));
+                Ok(())
+            })
+        };
+        let rows = shared(py, indices.len(), jobs, on_progress.as_ref(), compute);
+        let rows = own::raised().map_or(rows, Err)?;
         let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
             Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
             None => self.of_broken(index),

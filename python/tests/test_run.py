@@ -157,6 +157,52 @@ def test_values_that_are_no_longer_finite_end_a_run() -> None:
         strikes.start().step(100_000)
 
 
+def test_runs_side_by_side_have_the_bits_of_each_alone() -> None:
+    numbers = np.random.default_rng(7)
+
+    def run_of(kind: int, seed: int) -> bl.Run:
+        beads, mass_kg = 4 + 3 * kind, (1e-3 * numbers.uniform(0.5, 2.0, 4 + 3 * kind)).tolist()
+        ends: dict[str, Any] = [{}, {"left": "fixed", "right": "fixed", "precompression_n": 3.0}, {"left": "periodic", "right": "periodic"}][kind % 3]
+        more: dict[str, Any] = {}
+        if kind == 3:
+            more["baths"] = [{"beads": "..2", "temperature_j": 1e-6, "friction_per_s": 1e3}]
+        if kind == 4:
+            # computed alone
+            more["drives"] = [{"bead": 1, "force_n": {"sine": {"amplitude": 1.0, "frequency_hz": 1e4}}}]
+        chain = bl.Chain(beads, mass_kg=mass_kg, alpha=1.5 + 0.5 * (kind % 2), stiffness=1e7 * numbers.uniform(0.5, 2.0), **ends)
+        # of different lengths, so that lanes end one after the other; published less often than every step
+        duration_s = 1e-4 * numbers.uniform(0.5, 1.5)
+        struck = {seed % beads: numbers.uniform(0.1, 1.0)}
+        return bl.Run(chain, strikers=struck, seed=seed, duration_s=duration_s, publish_every=1 + seed % 3, **more)
+
+    runs = [run_of(kind, seed) for kind in range(6) for seed in range(11)]
+    for every, jobs in ((1, 1), (7, 2), (5000, None)):
+        found = bl.simulate(runs, every=every, jobs=jobs)
+        for run, rec in zip(runs, found, strict=True):
+            alone = run.simulate(every=every)
+            assert rec.recorded_steps.tolist() == alone.recorded_steps.tolist()
+            assert rec.summary == alone.summary
+            for step in alone.recorded_steps.tolist():
+                assert rec[step].displacement_m.tobytes() == alone[step].displacement_m.tobytes()
+                assert rec[step].velocity_m_s.tobytes() == alone[step].velocity_m_s.tobytes()
+            heard = run.simulate(every=every, on_frame=lambda _: False)
+            assert np.array_equal(rec.velocity[1:9], heard.velocity[1:9])
+            assert heard.recorded_steps.tolist() == alone.recorded_steps.tolist()
+    assert bl.simulate([]) == []
+
+
+def test_a_run_of_several_that_cannot_be_is_named() -> None:
+    chain = bl.Chain(10, mass_kg=1e-3, alpha=1.5, stiffness=1e7, left="fixed", right="fixed")
+    strikes = bl.Run(chain, strikers={0: 5.0}, duration_s=1.0, dt_s=1.8e-5, method="gear5")
+    runs = [strikes.replace({"time.duration_s": 1e-3}), short(), strikes]
+    with pytest.raises(bl.RunError, match=r"^runs\[2\]: bead \d+ is not finite"):
+        bl.simulate(runs)
+    with pytest.raises(TypeError, match=r"^runs\[0\]: found 3; expected a beadline.Run"):
+        bl.simulate([3])  # type: ignore[list-item]
+    with pytest.raises(ValueError, match="jobs: found 0; expected 1 or more"):
+        bl.simulate([short()], jobs=0)
+
+
 INTERRUPTED = """
 import beadline as bl
 chain = bl.Chain(beads=2000, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
