@@ -24,7 +24,7 @@ pub(crate) struct OrbitArgs {
     #[arg(long, value_name = "DIR", required_unless_present = "example")]
     pub(crate) out: Option<PathBuf>,
     /// Print an orbit file to begin with
-    #[arg(long, value_name = "breather|diode|fput|map", num_args = 0..=1, default_missing_value = "breather")]
+    #[arg(long, value_name = "breather|diode|fput|map|pair", num_args = 0..=1, default_missing_value = "breather")]
     pub(crate) example: Option<String>,
     /// Threads for the lines of a map [default: one for each core]
     #[arg(long, value_name = "N", value_parser = parse_jobs)]

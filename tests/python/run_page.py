@@ -1,8 +1,9 @@
 """Runs the commands of a page of the guide, as a reader would, with the `beadline` that stands first in PATH.
 
-    python3 run_page.py docs/guide/1-first-run.md
+    python3 run_page.py docs/guide/1-first-run.md ["beadline demo"]
 
-In an empty directory. Blocks named `sh` have to succeed, `sh fails` have to end with an error; `sh install` is left out.
+In an empty directory. Blocks named `sh` have to succeed, `sh fails` have to end with an error; `sh install` is left out, and blocks that have
+the words which are given.
 """
 
 import os
@@ -17,7 +18,7 @@ blocks = re.findall(r"^```(sh[^\n]*)\n(.*?)^```", page, flags=re.MULTILINE | re.
 run = 0
 with tempfile.TemporaryDirectory() as place:
     for kind, code in blocks:
-        if kind not in ("sh", "sh fails"):
+        if kind not in ("sh", "sh fails") or any(words in code for words in sys.argv[2:]):
             continue
         code = f"set -euo pipefail\n{code}"
         environment = os.environ | {"HOME": place}
