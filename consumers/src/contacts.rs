@@ -3,10 +3,12 @@
 use crate::space_time::Cell;
 use pulp::Arch;
 pub use recording::{COMPRESSED, OPEN, TOUCHING};
+use schemas::active::Active;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::simd::vectorized;
+use std::ops::Range;
 
 /// The tolerance (m) unless another is asked for: 1e-6 of the collision length L, 0.36 nm for the
 /// light-impurity run.
@@ -19,7 +21,11 @@ pub fn default_tolerance_m(manifest: &RunManifest) -> f64 {
 pub struct Contacts {
     chain: Chain,
     tolerance_m: f64,
+    /// The class of each contact at rest, and their number.
+    at_rest: (Vec<u8>, ContactCounts),
     classes: Vec<u8>,
+    /// The beads that may have moved in the last frame.
+    seen: Active,
 }
 
 /// Number of contacts of a frame in each class.
@@ -39,7 +45,9 @@ impl Contacts {
     /// Makes one for the frames of `manifest`'s run; `tolerance_m` in m.
     pub fn new(manifest: &RunManifest, tolerance_m: f64) -> Self {
         let chain = manifest.physics.chain();
-        Self { classes: vec![TOUCHING; chain.contact_count()], tolerance_m, chain }
+        let at_rest: Vec<u8> = chain.rest_overlap_m.iter().map(|m| class(*m, tolerance_m)).collect();
+        let (classes, seen) = (vec![TOUCHING; at_rest.len()], Active::all(chain.bead_count()));
+        Self { at_rest: (at_rest.clone(), ContactCounts::of(&at_rest)), classes, seen, tolerance_m, chain }
     }
 
     /// The tolerance (m).
@@ -52,25 +60,38 @@ impl Contacts {
         &self.classes
     }
 
+    /// Number of contacts of that frame in each class.
+    pub fn counts(&self) -> ContactCounts {
+        let ((classes, counts), all) = (&self.at_rest, self.classes.len());
+        counts.changed(classes, &self.classes, self.seen.contacts(all).within(0..all))
+    }
+
     /// The class of each contact of `frame`, N − 1 values.
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[u8] {
-        let contacts = self.classes.len();
-        let (left, right) = (&frame.u_m[..contacts], &frame.u_m[1..=contacts]);
-        let rest = &self.chain.rest_overlap_m[..contacts];
+        let all = self.classes.len();
+        let places = self.seen.renew(frame.moving()).contacts(all).within(0..all);
+        let contacts = places.len();
+        let (left, right) = (&frame.u_m[places.clone()], &frame.u_m[places.start + 1..=places.end]);
+        let rest = &self.chain.rest_overlap_m[places.clone()];
         let tolerance_m = self.tolerance_m;
-        let classes = &mut self.classes[..contacts];
+        let classes = &mut self.classes[places];
         vectorized(
             Arch::new(),
             #[inline(always)]
             || {
                 for c in 0..contacts {
-                    let overlap_m = left[c] - right[c] + rest[c];
-                    classes[c] = u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m);
+                    classes[c] = class(left[c] - right[c] + rest[c], tolerance_m);
                 }
             },
         );
         &self.classes
     }
+}
+
+/// The class of a contact of this overlap (m), without a branch.
+#[inline(always)]
+fn class(overlap_m: f64, tolerance_m: f64) -> u8 {
+    u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m)
 }
 
 impl ContactCounts {
@@ -85,19 +106,40 @@ impl ContactCounts {
 
     /// Counts `classes`.
     pub fn of(classes: &[u8]) -> Self {
-        let mut counts = [0_u64; 3];
-        for class in classes {
-            counts[usize::from(*class).min(2)] += 1;
-        }
-        let compressed = |class: &u8| *class == COMPRESSED;
-        let first = classes.iter().position(compressed);
-        let last = classes.iter().rposition(compressed);
+        Self::among(classes, 0..classes.len())
+    }
+
+    /// Counts those of the contacts `places`.
+    fn among(classes: &[u8], places: Range<usize>) -> Self {
+        let count =
+            |is: fn(u8) -> bool| classes[places.clone()].iter().filter(|class| is(**class)).count() as u64;
+        let (compressed, open) = (count(|class| class == COMPRESSED), count(|class| class >= OPEN));
+        let is_compressed = |contact: &usize| classes[*contact] == COMPRESSED;
+        let range = places.clone().find(is_compressed).zip(places.clone().rfind(is_compressed));
         Self {
-            compressed: counts[usize::from(COMPRESSED)],
-            touching: counts[usize::from(TOUCHING)],
-            open: counts[usize::from(OPEN)],
-            compressed_range: first.zip(last).map(|(first, last)| (first as u64, last as u64)),
+            compressed,
+            touching: places.len() as u64 - compressed - open,
+            open,
+            compressed_range: range.map(|(first, last)| (first as u64, last as u64)),
         }
+    }
+
+    /// Counts `classes`, which differ at most at the contacts `places` from those `before` that these are the counts of.
+    fn changed(self, before: &[u8], classes: &[u8], places: Range<usize>) -> Self {
+        let [was, now] = [before, classes].map(|classes| Self::among(classes, places.clone()));
+        let is_elsewhere = |contact: &u64| !(places.start as u64..places.end as u64).contains(contact);
+        let (before_first, before_last) = self.compressed_range.unzip();
+        let (first, last) = now.compressed_range.unzip();
+        let first = before_first.filter(is_elsewhere).into_iter().chain(first).min();
+        let last = before_last.filter(is_elsewhere).into_iter().chain(last).max();
+        let counts = Self {
+            compressed: self.compressed - was.compressed + now.compressed,
+            touching: self.touching - was.touching + now.touching,
+            open: self.open - was.open + now.open,
+            compressed_range: first.zip(last),
+        };
+        // the first or the last has opened, and the next one is elsewhere
+        if counts.compressed > 0 && counts.compressed_range.is_none() { Self::of(classes) } else { counts }
     }
 }
 

@@ -68,7 +68,7 @@ impl ContactAnalysis {
         let extent = Extent { places: 0..manifest.contact_count(), steps: beginning.steps.clone() };
         let contacts = Contacts::new(&manifest, tolerance_m);
         Self {
-            last: ContactCounts::of(contacts.classes()),
+            last: contacts.counts(),
             picture: beginning.is_drawn.then(|| Picture::new(extent)),
             contacts,
             tolerance_m,
@@ -77,12 +77,11 @@ impl ContactAnalysis {
     }
 }
 
-/// Takes the classes of a frame.
-fn take(picture: &mut Option<Picture<Class>>, last: &mut ContactCounts, step: u64, classes: &[u8]) {
+/// Enters the classes of a frame.
+fn enter(picture: &mut Option<Picture<Class>>, step: u64, classes: &[u8]) {
     if let Some(picture) = picture {
         picture.push(step, classes.iter().map(|class| Class(*class)));
     }
-    *last = ContactCounts::of(classes);
 }
 
 impl Analysis for ContactAnalysis {
@@ -96,7 +95,8 @@ impl Analysis for ContactAnalysis {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let classes = self.contacts.observe(frame);
-        take(&mut self.picture, &mut self.last, frame.step, classes);
+        enter(&mut self.picture, frame.step, classes);
+        self.last = self.contacts.counts();
         if out.wants(0) {
             out.line_of(
                 0,
@@ -116,7 +116,8 @@ impl Analysis for ContactAnalysis {
     fn recall(&mut self, step: u64, tolerance_m: f64, row: RowValues<'_>) {
         self.tolerance_m = tolerance_m;
         if let RowValues::Classes(classes) = row {
-            take(&mut self.picture, &mut self.last, step, classes);
+            enter(&mut self.picture, step, classes);
+            self.last = ContactCounts::of(classes);
         }
     }
 
