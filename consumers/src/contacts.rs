@@ -62,8 +62,21 @@ impl Contacts {
 
     /// Number of contacts of that frame in each class.
     pub fn counts(&self) -> ContactCounts {
-        let ((classes, counts), all) = (&self.at_rest, self.classes.len());
-        counts.changed(classes, &self.classes, self.seen.contacts(all).within(0..all))
+        let (classes, counts) = &self.at_rest;
+        counts.changed(classes, &self.classes, self.changed())
+    }
+
+    /// The contacts that may not be as they are at rest in that frame.
+    fn changed(&self) -> Range<usize> {
+        let all = self.classes.len();
+        self.seen.contacts(all).within(0..all)
+    }
+
+    /// The class of each contact from the first one on that need be drawn in a [`Picture`](crate::space_time::Picture): those before and behind touch at rest.
+    pub fn drawn(&self) -> (usize, &[u8]) {
+        let all_touch = self.at_rest.1.touching == self.classes.len() as u64;
+        let places = if all_touch { self.changed() } else { 0..self.classes.len() };
+        (places.start, &self.classes[places])
     }
 
     /// The class of each contact of `frame`, N − 1 values.
@@ -106,32 +119,35 @@ impl ContactCounts {
 
     /// Counts `classes`.
     pub fn of(classes: &[u8]) -> Self {
-        Self::among(classes, 0..classes.len())
+        let is_compressed = |class: &u8| *class == COMPRESSED;
+        let first = classes.iter().position(is_compressed);
+        let last = first.and_then(|_| classes.iter().rposition(is_compressed));
+        let compressed_range = first.zip(last).map(|(first, last)| (first as u64, last as u64));
+        Self { compressed_range, ..Self::numbers(classes) }
     }
 
-    /// Counts those of the contacts `places`.
-    fn among(classes: &[u8], places: Range<usize>) -> Self {
-        let count =
-            |is: fn(u8) -> bool| classes[places.clone()].iter().filter(|class| is(**class)).count() as u64;
-        let (compressed, open) = (count(|class| class == COMPRESSED), count(|class| class >= OPEN));
-        let is_compressed = |contact: &usize| classes[*contact] == COMPRESSED;
-        let range = places.clone().find(is_compressed).zip(places.clone().rfind(is_compressed));
-        Self {
-            compressed,
-            touching: places.len() as u64 - compressed - open,
-            open,
-            compressed_range: range.map(|(first, last)| (first as u64, last as u64)),
-        }
+    /// The same without the range.
+    fn numbers(classes: &[u8]) -> Self {
+        // in bytes, of which a register has many; 255 of them do not overflow
+        let count = |which: u8| -> u64 {
+            let of_some =
+                |some: &[u8]| some.iter().fold(0_u8, |n, class| n.wrapping_add(u8::from(*class == which)));
+            classes.chunks(255).map(|some| u64::from(of_some(some))).sum()
+        };
+        let (compressed, touching) = (count(COMPRESSED), count(TOUCHING));
+        let open = classes.len() as u64 - compressed - touching;
+        Self { compressed, touching, open, compressed_range: None }
     }
 
     /// Counts `classes`, which differ at most at the contacts `places` from those `before` that these are the counts of.
     fn changed(self, before: &[u8], classes: &[u8], places: Range<usize>) -> Self {
-        let [was, now] = [before, classes].map(|classes| Self::among(classes, places.clone()));
-        let is_elsewhere = |contact: &u64| !(places.start as u64..places.end as u64).contains(contact);
-        let (before_first, before_last) = self.compressed_range.unzip();
-        let (first, last) = now.compressed_range.unzip();
-        let first = before_first.filter(is_elsewhere).into_iter().chain(first).min();
-        let last = before_last.filter(is_elsewhere).into_iter().chain(last).max();
+        let (was, now) = (Self::numbers(&before[places.clone()]), Self::of(&classes[places.clone()]));
+        let (start, end) = (places.start as u64, places.end as u64);
+        let is_elsewhere = |contact: &u64| !(start..end).contains(contact);
+        let (first, last) = self.compressed_range.unzip();
+        let (now_first, now_last) = now.compressed_range.unzip();
+        let first = first.filter(is_elsewhere).into_iter().chain(now_first.map(|first| start + first)).min();
+        let last = last.filter(is_elsewhere).into_iter().chain(now_last.map(|last| start + last)).max();
         let counts = Self {
             compressed: self.compressed - was.compressed + now.compressed,
             touching: self.touching - was.touching + now.touching,
@@ -139,7 +155,8 @@ impl ContactCounts {
             compressed_range: first.zip(last),
         };
         // the first or the last has opened, and the next one is elsewhere
-        if counts.compressed > 0 && counts.compressed_range.is_none() { Self::of(classes) } else { counts }
+        let is_sought = counts.compressed > 0 && counts.compressed_range.is_none();
+        if is_sought { Self::of(classes) } else { counts }
     }
 }
 

@@ -41,20 +41,26 @@ impl BeadEnergies {
         // a contact gives half of its energy to each of its beads
         let first = if ends_j[0] == 0.0 { active.first.saturating_sub(1) } else { 0 };
         let end = if ends_j[1] == 0.0 && active.end < beads { active.end + 1 } else { beads };
-        let renewed = self.seen.renew(Active { first, end }).within(0..beads);
-        for (bead, energy_j) in renewed.clone().zip(&mut self.bead_j[renewed]) {
-            let v_m_s = frame.v_m_s[bead];
-            *energy_j = 0.5 * chain.mass_kg[bead] * (v_m_s * v_m_s);
-            let of_contact = |contact: usize| contact_j.get(contact).map_or(0.0, |energy_j| 0.5 * energy_j);
-            *energy_j += of_contact(bead.wrapping_sub(1));
-            *energy_j += of_contact(bead);
-            if bead == 0 {
-                *energy_j += ends_j[0];
-            }
-            if bead + 1 == beads {
-                *energy_j += ends_j[1];
-            }
-            if !chain.sites.is_none() {
+        let Range { start, end } = self.seen.renew(Active { first, end }).within(0..beads);
+        let bead_j = &mut self.bead_j;
+        let moving = chain.mass_kg[start..end].iter().zip(&frame.v_m_s[start..end]);
+        for (energy_j, (mass_kg, v_m_s)) in bead_j[start..end].iter_mut().zip(moving) {
+            *energy_j = 0.5 * mass_kg * (v_m_s * v_m_s);
+        }
+        let mut add = |beads: Range<usize>, left: usize| {
+            let contacts = &contact_j[beads.start - left..beads.end - left];
+            bead_j[beads].iter_mut().zip(contacts).for_each(|(bead_j, contact_j)| *bead_j += 0.5 * contact_j);
+        };
+        add(start.max(1)..end, 1); // integers
+        add(start..end.min(beads - 1), 0); // integers
+        if start == 0 {
+            bead_j[0] += ends_j[0];
+        }
+        if end == beads {
+            bead_j[beads - 1] += ends_j[1];
+        }
+        if !chain.sites.is_none() {
+            for (bead, energy_j) in (start..end).zip(&mut bead_j[start..end]) {
                 *energy_j += chain.sites_energy(frame.u_m, frame.extra, bead..bead + 1).total_j();
             }
         }

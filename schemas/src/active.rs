@@ -18,6 +18,20 @@ impl Active {
         Self { first: 0, end: count }
     }
 
+    /// Those of a state that nobody says them of: a search from both ends, which is faster than most of what it saves, finds them to a few dozen.
+    pub fn of(u_m: &[f64], v_m_s: &[f64]) -> Self {
+        const BLOCK: usize = 64;
+        let rests = |(u_m, v_m_s): &(&[f64], &[f64])| {
+            let bits = |values: &[f64]| values.iter().fold(0, |bits, value| bits | value.to_bits());
+            bits(u_m) | bits(v_m_s) == 0
+        };
+        let blocks = u_m.chunks(BLOCK).zip(v_m_s.chunks(BLOCK));
+        let first = blocks.clone().take_while(rests).count();
+        let end = blocks.len() - blocks.rev().take_while(rests).count();
+        let bead = |block: usize| (block * BLOCK).min(u_m.len()); // integers
+        Self { first: bead(first), end: bead(end.max(first)) } // integers
+    }
+
     /// The least neighbouring beads that take in these and `other`.
     #[must_use]
     pub fn with(self, other: Self) -> Self {

@@ -41,6 +41,12 @@ impl<'a> Frame<'a> {
         Self { frame, step, time_s, u_m, v_m_s, extra, active: None }
     }
 
+    /// The same frame, with its beads at rest sought where nobody said them.
+    #[must_use]
+    pub fn searched(self) -> Self {
+        Self { active: self.active.or_else(|| Some(Active::of(self.u_m, self.v_m_s))), ..self }
+    }
+
     /// The beads that may differ from rest: all where nobody says.
     pub fn moving(&self) -> Active {
         self.active.unwrap_or(Active::all(self.u_m.len()))

@@ -77,10 +77,10 @@ impl ContactAnalysis {
     }
 }
 
-/// Enters the classes of a frame.
-fn enter(picture: &mut Option<Picture<Class>>, step: u64, classes: &[u8]) {
+/// Enters the classes of a frame, from the contact `first` on.
+fn enter(picture: &mut Option<Picture<Class>>, step: u64, (first, classes): (usize, &[u8])) {
     if let Some(picture) = picture {
-        picture.push(step, classes.iter().map(|class| Class(*class)));
+        picture.push_from(first, step, classes.iter().map(|class| Class(*class)));
     }
 }
 
@@ -94,8 +94,8 @@ impl Analysis for ContactAnalysis {
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        let classes = self.contacts.observe(frame);
-        enter(&mut self.picture, frame.step, classes);
+        self.contacts.observe(frame);
+        enter(&mut self.picture, frame.step, self.contacts.drawn());
         self.last = self.contacts.counts();
         if out.wants(0) {
             out.line_of(
@@ -116,7 +116,7 @@ impl Analysis for ContactAnalysis {
     fn recall(&mut self, step: u64, tolerance_m: f64, row: RowValues<'_>) {
         self.tolerance_m = tolerance_m;
         if let RowValues::Classes(classes) = row {
-            enter(&mut self.picture, step, classes);
+            enter(&mut self.picture, step, (0, classes));
             self.last = ContactCounts::of(classes);
         }
     }
