@@ -8,7 +8,6 @@ use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::simd::vectorized;
-use std::ops::Range;
 
 /// The tolerance (m) unless another is asked for: 1e-6 of the collision length L, 0.36 nm for the
 /// light-impurity run.
@@ -21,8 +20,8 @@ pub fn default_tolerance_m(manifest: &RunManifest) -> f64 {
 pub struct Contacts {
     chain: Chain,
     tolerance_m: f64,
-    /// The class of each contact at rest, and their number.
-    at_rest: (Vec<u8>, ContactCounts),
+    /// True if all contacts touch at rest.
+    touch_at_rest: bool,
     classes: Vec<u8>,
     /// The beads that may have moved in the last frame.
     seen: Active,
@@ -45,9 +44,9 @@ impl Contacts {
     /// Makes one for the frames of `manifest`'s run; `tolerance_m` in m.
     pub fn new(manifest: &RunManifest, tolerance_m: f64) -> Self {
         let chain = manifest.physics.chain();
-        let at_rest: Vec<u8> = chain.rest_overlap_m.iter().map(|m| class(*m, tolerance_m)).collect();
-        let (classes, seen) = (vec![TOUCHING; at_rest.len()], Active::all(chain.bead_count()));
-        Self { at_rest: (at_rest.clone(), ContactCounts::of(&at_rest)), classes, seen, tolerance_m, chain }
+        let touch_at_rest = chain.rest_overlap_m.iter().all(|m| class(*m, tolerance_m) == TOUCHING);
+        let (classes, seen) = (vec![TOUCHING; chain.contact_count()], Active::all(chain.bead_count()));
+        Self { touch_at_rest, classes, seen, tolerance_m, chain }
     }
 
     /// The tolerance (m).
@@ -60,23 +59,11 @@ impl Contacts {
         &self.classes
     }
 
-    /// Number of contacts of that frame in each class.
-    pub fn counts(&self) -> ContactCounts {
-        let (classes, counts) = &self.at_rest;
-        counts.changed(classes, &self.classes, self.changed())
-    }
-
-    /// The contacts that may not be as they are at rest in that frame.
-    fn changed(&self) -> Range<usize> {
-        let all = self.classes.len();
-        self.seen.contacts(all).within(0..all)
-    }
-
-    /// The class of each contact from the first one on that need be drawn in a [`Picture`](crate::space_time::Picture): those before and behind touch at rest.
-    pub fn drawn(&self) -> (usize, &[u8]) {
-        let all_touch = self.at_rest.1.touching == self.classes.len() as u64;
-        let places = if all_touch { self.changed() } else { 0..self.classes.len() };
-        (places.start, &self.classes[places])
+    /// The first contact of that frame that need be looked at, and the classes from it on: all others touch.
+    pub fn touched(&self) -> (usize, &[u8]) {
+        let all = 0..self.classes.len();
+        let contacts = if self.touch_at_rest { self.seen.contacts(all.end).within(all) } else { all };
+        (contacts.start, &self.classes[contacts])
     }
 
     /// The class of each contact of `frame`, N − 1 values.
@@ -119,44 +106,28 @@ impl ContactCounts {
 
     /// Counts `classes`.
     pub fn of(classes: &[u8]) -> Self {
-        let is_compressed = |class: &u8| *class == COMPRESSED;
-        let first = classes.iter().position(is_compressed);
-        let last = first.and_then(|_| classes.iter().rposition(is_compressed));
-        let compressed_range = first.zip(last).map(|(first, last)| (first as u64, last as u64));
-        Self { compressed_range, ..Self::numbers(classes) }
+        Self::among(classes.len(), 0, classes)
     }
 
-    /// The same without the range.
-    fn numbers(classes: &[u8]) -> Self {
+    /// Counts `contacts` contacts, of which those from `first` on have these `classes` and all others touch.
+    pub fn among(contacts: usize, first: usize, classes: &[u8]) -> Self {
         // in bytes, of which a register has many; 255 of them do not overflow
-        let count = |which: u8| -> u64 {
-            let of_some =
-                |some: &[u8]| some.iter().fold(0_u8, |n, class| n.wrapping_add(u8::from(*class == which)));
-            classes.chunks(255).map(|some| u64::from(of_some(some))).sum()
+        let in_some = |some: &[u8], class: u8| {
+            u64::from(some.iter().fold(0_u8, |n, found| n.wrapping_add(u8::from(*found == class))))
         };
+        let count = |class| classes.chunks(255).map(|some| in_some(some, class)).sum::<u64>();
         let (compressed, touching) = (count(COMPRESSED), count(TOUCHING));
-        let open = classes.len() as u64 - compressed - touching;
-        Self { compressed, touching, open, compressed_range: None }
-    }
-
-    /// Counts `classes`, which differ at most at the contacts `places` from those `before` that these are the counts of.
-    fn changed(self, before: &[u8], classes: &[u8], places: Range<usize>) -> Self {
-        let (was, now) = (Self::numbers(&before[places.clone()]), Self::of(&classes[places.clone()]));
-        let (start, end) = (places.start as u64, places.end as u64);
-        let is_elsewhere = |contact: &u64| !(start..end).contains(contact);
-        let (first, last) = self.compressed_range.unzip();
-        let (now_first, now_last) = now.compressed_range.unzip();
-        let first = first.filter(is_elsewhere).into_iter().chain(now_first.map(|first| start + first)).min();
-        let last = last.filter(is_elsewhere).into_iter().chain(now_last.map(|last| start + last)).max();
-        let counts = Self {
-            compressed: self.compressed - was.compressed + now.compressed,
-            touching: self.touching - was.touching + now.touching,
-            open: self.open - was.open + now.open,
-            compressed_range: first.zip(last),
-        };
-        // the first or the last has opened, and the next one is elsewhere
-        let is_sought = counts.compressed > 0 && counts.compressed_range.is_none();
-        if is_sought { Self::of(classes) } else { counts }
+        let is_compressed = |class: &u8| *class == COMPRESSED;
+        let left = classes.iter().position(is_compressed);
+        let right = left.and_then(|_| classes.iter().rposition(is_compressed));
+        Self {
+            compressed,
+            touching: touching + (contacts - classes.len()) as u64,
+            open: classes.len() as u64 - compressed - touching,
+            compressed_range: left
+                .zip(right)
+                .map(|(left, right)| ((first + left) as u64, (first + right) as u64)),
+        }
     }
 }
 

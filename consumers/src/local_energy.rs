@@ -10,7 +10,7 @@ use std::ops::Range;
 /// The sum over the beads is the total energy of the chain, but for rounding.
 pub fn bead_energies_j(chain: &Chain, frame: &Frame<'_>) -> Vec<f64> {
     let mut energies = BeadEnergies::new(chain);
-    energies.renew(chain, frame);
+    energies.of(chain, frame);
     energies.bead_j
 }
 
@@ -30,8 +30,8 @@ impl BeadEnergies {
         Self { contacts, bead_j, seen: Active::all(0) }
     }
 
-    /// Takes the next frame.
-    pub fn renew(&mut self, chain: &Chain, frame: &Frame<'_>) {
+    /// The beads that may have energy in the next frame, and the energy (J) of each bead, N values.
+    pub fn of(&mut self, chain: &Chain, frame: &Frame<'_>) -> (Range<usize>, &[f64]) {
         let (beads, active) = (self.bead_j.len(), frame.with_energy(chain));
         self.contacts.renew(chain, frame.u_m, active);
         let contact_j = self.contacts.values_j();
@@ -41,7 +41,8 @@ impl BeadEnergies {
         // a contact gives half of its energy to each of its beads
         let first = if ends_j[0] == 0.0 { active.first.saturating_sub(1) } else { 0 };
         let end = if ends_j[1] == 0.0 && active.end < beads { active.end + 1 } else { beads };
-        let Range { start, end } = self.seen.renew(Active { first, end }).within(0..beads);
+        let active = Active { first, end };
+        let Range { start, end } = self.seen.renew(active).within(0..beads);
         let bead_j = &mut self.bead_j;
         let moving = chain.mass_kg[start..end].iter().zip(&frame.v_m_s[start..end]);
         for (energy_j, (mass_kg, v_m_s)) in bead_j[start..end].iter_mut().zip(moving) {
@@ -64,16 +65,7 @@ impl BeadEnergies {
                 *energy_j += chain.sites_energy(frame.u_m, frame.extra, bead..bead + 1).total_j();
             }
         }
-    }
-
-    /// The energy (J) of each bead, N values.
-    pub fn values_j(&self) -> &[f64] {
-        &self.bead_j
-    }
-
-    /// The beads that may have any.
-    pub fn beads(&self) -> Range<usize> {
-        self.seen.within(0..self.bead_j.len())
+        (active.within(0..beads), bead_j)
     }
 }
 

@@ -68,7 +68,7 @@ impl ContactAnalysis {
         let extent = Extent { places: 0..manifest.contact_count(), steps: beginning.steps.clone() };
         let contacts = Contacts::new(&manifest, tolerance_m);
         Self {
-            last: contacts.counts(),
+            last: ContactCounts::of(contacts.classes()),
             picture: beginning.is_drawn.then(|| Picture::new(extent)),
             contacts,
             tolerance_m,
@@ -77,11 +77,16 @@ impl ContactAnalysis {
     }
 }
 
-/// Enters the classes of a frame, from the contact `first` on.
-fn enter(picture: &mut Option<Picture<Class>>, step: u64, (first, classes): (usize, &[u8])) {
+/// Takes the classes of a frame, from contact `first` on: of all others, which make it `contacts` in all, each touches.
+fn take(
+    (picture, last): (&mut Option<Picture<Class>>, &mut ContactCounts),
+    (step, contacts): (u64, usize),
+    (first, classes): (usize, &[u8]),
+) {
     if let Some(picture) = picture {
         picture.push_from(first, step, classes.iter().map(|class| Class(*class)));
     }
+    *last = ContactCounts::among(contacts, first, classes);
 }
 
 impl Analysis for ContactAnalysis {
@@ -94,9 +99,8 @@ impl Analysis for ContactAnalysis {
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        self.contacts.observe(frame);
-        enter(&mut self.picture, frame.step, self.contacts.drawn());
-        self.last = self.contacts.counts();
+        let contacts = self.contacts.observe(frame).len();
+        take((&mut self.picture, &mut self.last), (frame.step, contacts), self.contacts.touched());
         if out.wants(0) {
             out.line_of(
                 0,
@@ -116,8 +120,7 @@ impl Analysis for ContactAnalysis {
     fn recall(&mut self, step: u64, tolerance_m: f64, row: RowValues<'_>) {
         self.tolerance_m = tolerance_m;
         if let RowValues::Classes(classes) = row {
-            enter(&mut self.picture, step, (0, classes));
-            self.last = ContactCounts::of(classes);
+            take((&mut self.picture, &mut self.last), (step, classes.len()), (0, classes));
         }
     }
 

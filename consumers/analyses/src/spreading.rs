@@ -162,9 +162,8 @@ impl Spreading {
 
 impl Analysis for Spreading {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        self.energies.renew(&self.chain, frame);
-        let beads = self.energies.beads();
-        let energies_j = &self.energies.values_j()[beads.clone()];
+        let (beads, energies_j) = self.energies.of(&self.chain, frame);
+        let energies_j = &energies_j[beads.clone()];
         let row = SpreadingRow::among(beads.start, energies_j);
         if frame.time_s >= self.fit_from_s {
             for (sums, value) in
