@@ -3,6 +3,7 @@
 use crate::space_time::Cell;
 use pulp::Arch;
 pub use recording::{COMPRESSED, OPEN, TOUCHING};
+use schemas::active::Active;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -19,7 +20,11 @@ pub fn default_tolerance_m(manifest: &RunManifest) -> f64 {
 pub struct Contacts {
     chain: Chain,
     tolerance_m: f64,
+    /// True if all contacts touch at rest.
+    touch_at_rest: bool,
     classes: Vec<u8>,
+    /// The beads that may have moved in the last frame.
+    seen: Active,
 }
 
 /// Number of contacts of a frame in each class.
@@ -39,7 +44,9 @@ impl Contacts {
     /// Makes one for the frames of `manifest`'s run; `tolerance_m` in m.
     pub fn new(manifest: &RunManifest, tolerance_m: f64) -> Self {
         let chain = manifest.physics.chain();
-        Self { classes: vec![TOUCHING; chain.contact_count()], tolerance_m, chain }
+        let touch_at_rest = chain.rest_overlap_m.iter().all(|m| class(*m, tolerance_m) == TOUCHING);
+        let (classes, seen) = (vec![TOUCHING; chain.contact_count()], Active::all(chain.bead_count()));
+        Self { touch_at_rest, classes, seen, tolerance_m, chain }
     }
 
     /// The tolerance (m).
@@ -52,25 +59,39 @@ impl Contacts {
         &self.classes
     }
 
+    /// The first contact of that frame that need be looked at, and the classes from it on: all others touch.
+    pub fn touched(&self) -> (usize, &[u8]) {
+        let all = 0..self.classes.len();
+        let contacts = if self.touch_at_rest { self.seen.contacts(all.end).within(all) } else { all };
+        (contacts.start, &self.classes[contacts])
+    }
+
     /// The class of each contact of `frame`, N − 1 values.
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[u8] {
-        let contacts = self.classes.len();
-        let (left, right) = (&frame.u_m[..contacts], &frame.u_m[1..=contacts]);
-        let rest = &self.chain.rest_overlap_m[..contacts];
+        let all = self.classes.len();
+        let places = self.seen.renew(frame.moving()).contacts(all).within(0..all);
+        let contacts = places.len();
+        let (left, right) = (&frame.u_m[places.clone()], &frame.u_m[places.start + 1..=places.end]);
+        let rest = &self.chain.rest_overlap_m[places.clone()];
         let tolerance_m = self.tolerance_m;
-        let classes = &mut self.classes[..contacts];
+        let classes = &mut self.classes[places];
         vectorized(
             Arch::new(),
             #[inline(always)]
             || {
                 for c in 0..contacts {
-                    let overlap_m = left[c] - right[c] + rest[c];
-                    classes[c] = u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m);
+                    classes[c] = class(left[c] - right[c] + rest[c], tolerance_m);
                 }
             },
         );
         &self.classes
     }
+}
+
+/// The class of a contact of this overlap (m), without a branch.
+#[inline(always)]
+fn class(overlap_m: f64, tolerance_m: f64) -> u8 {
+    u8::from(overlap_m > tolerance_m) + 2 * u8::from(overlap_m < -tolerance_m)
 }
 
 impl ContactCounts {
@@ -85,18 +106,27 @@ impl ContactCounts {
 
     /// Counts `classes`.
     pub fn of(classes: &[u8]) -> Self {
-        let mut counts = [0_u64; 3];
-        for class in classes {
-            counts[usize::from(*class).min(2)] += 1;
-        }
-        let compressed = |class: &u8| *class == COMPRESSED;
-        let first = classes.iter().position(compressed);
-        let last = classes.iter().rposition(compressed);
+        Self::among(classes.len(), 0, classes)
+    }
+
+    /// Counts `contacts` contacts, of which those from `first` on have these `classes` and all others touch.
+    pub fn among(contacts: usize, first: usize, classes: &[u8]) -> Self {
+        // in bytes, of which a register has many; 255 of them do not overflow
+        let in_some = |some: &[u8], class: u8| {
+            u64::from(some.iter().fold(0_u8, |n, found| n.wrapping_add(u8::from(*found == class))))
+        };
+        let count = |class| classes.chunks(255).map(|some| in_some(some, class)).sum::<u64>();
+        let (compressed, touching) = (count(COMPRESSED), count(TOUCHING));
+        let is_compressed = |class: &u8| *class == COMPRESSED;
+        let left = classes.iter().position(is_compressed);
+        let right = left.and_then(|_| classes.iter().rposition(is_compressed));
         Self {
-            compressed: counts[usize::from(COMPRESSED)],
-            touching: counts[usize::from(TOUCHING)],
-            open: counts[usize::from(OPEN)],
-            compressed_range: first.zip(last).map(|(first, last)| (first as u64, last as u64)),
+            compressed,
+            touching: touching + (contacts - classes.len()) as u64,
+            open: classes.len() as u64 - compressed - touching,
+            compressed_range: left
+                .zip(right)
+                .map(|(left, right)| ((first + left) as u64, (first + right) as u64)),
         }
     }
 }

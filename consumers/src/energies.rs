@@ -11,8 +11,9 @@ pub use step_error::{STEP_SAFETY, step_error_j};
 
 use pulp::Arch;
 use reflection::{Parts, ReflectionWatch, incident_side};
+use schemas::active::{Active, ContactEnergies};
 use schemas::chain::Chain;
-use schemas::frame::{Active, Frame};
+use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
 use schemas::results::ENERGIES;
 use schemas::simd::{ordered_sum, vectorized};
@@ -80,9 +81,7 @@ pub struct Energies {
     physics: Physics,
     drift: Drift,
     split_bead: usize,
-    contact_j: Vec<f64>,
-    /// The contacts whose energies are those of the last frame; all others have none.
-    pressed: Active,
+    contacts: ContactEnergies,
     watch: Result<ReflectionWatch, Undefined>,
     max_abs_drift: f64,
     /// The largest error of the balance of energies so far (J), and the largest term of that.
@@ -155,8 +154,7 @@ impl Energies {
             watch: incident_side(manifest, split_bead).map(|side| ReflectionWatch::new(manifest, side)),
             drift: Drift::new(&manifest.physics, &chain),
             split_bead: usize::try_from(split_bead).unwrap_or(usize::MAX).min(chain.bead_count() - 1),
-            contact_j: vec![0.0; chain.contact_count()],
-            pressed: Active::all(0),
+            contacts: ContactEnergies::new(&chain),
             balance: Balance { initial_j: manifest.physics.initial_energy().total_j(), ..Balance::default() },
             physics: manifest.physics.clone(),
             max_abs_drift: 0.0,
@@ -167,16 +165,8 @@ impl Energies {
 
     /// The energies of `frame`.
     pub fn observe(&mut self, frame: &Frame<'_>) -> EnergyRow {
-        let contacts = self.chain.contact_count();
-        let active = frame.active.filter(|_| self.chain.rests_without_energy());
-        let active = active.unwrap_or(Active::all(self.chain.bead_count()));
-        let pressed = active.contacts(contacts);
-        if self.pressed.with(pressed) != pressed {
-            // another stream, or part of it: what moved there rests here
-            self.contact_j[self.pressed.first..self.pressed.end].fill(0.0);
-        }
-        self.pressed = pressed;
-        self.chain.energies_of_contacts_j(frame.u_m, pressed.first..pressed.end, &mut self.contact_j);
+        let active = frame.with_energy(&self.chain);
+        self.contacts.renew(&self.chain, frame.u_m, active);
         let mut row = vectorized(
             Arch::new(),
             #[inline(always)]
@@ -189,7 +179,7 @@ impl Energies {
         if let Ok(watch) = &mut self.watch {
             let max_abs_drift = self.max_abs_drift;
             let incident = watch.found().incident;
-            let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
+            let (chain, s, contact_j) = (&self.chain, self.split_bead, self.contacts.values_j());
             let parts = vectorized(
                 Arch::new(),
                 #[inline(always)]
@@ -206,7 +196,7 @@ impl Energies {
     /// The sums over the beads and contacts of `frame`, without the reflection. All but `active` beads rest.
     #[inline(always)]
     fn sums(&self, frame: &Frame<'_>, active: Active) -> EnergyRow {
-        let (chain, s, contact_j) = (&self.chain, self.split_bead, &self.contact_j);
+        let (chain, s, contact_j) = (&self.chain, self.split_bead, self.contacts.values_j());
         let v = frame.v_m_s;
         // contact s − 1 is left of the split bead, contact s right of it
         let left_contact = if s > 0 { contact_j[s - 1] } else { 0.0 };
@@ -215,7 +205,7 @@ impl Energies {
         let kinetic_left = chain.kinetic_j(v, active.within(0..s));
         let kinetic_split = chain.kinetic_j(v, s..s + 1);
         let kinetic_right = chain.kinetic_j(v, active.within(s + 1..chain.bead_count()));
-        let (pressed, contacts) = (self.pressed, contact_j.len());
+        let (pressed, contacts) = (active.contacts(contact_j.len()), contact_j.len());
         let potential_left = total(&contact_j[pressed.within(0..s.saturating_sub(1))]);
         let potential_right = total(&contact_j[pressed.within((s + 1).min(contacts)..contacts)]);
 
@@ -225,7 +215,7 @@ impl Energies {
         let walls_j = left_wall + right_wall;
         let [left_wall, closing_split, right_wall] =
             if chain.is_ring { self.closing_j(left_wall) } else { [left_wall, 0.0, right_wall] };
-        let sites = |beads| chain.sites_energy(frame.u_m, frame.extra, beads);
+        let sites = |beads| chain.sites_energy(frame.u_m, frame.extra, active.within(beads));
         let (left, right) = (sites(0..s), sites(s + 1..chain.bead_count()));
         let (all, split) = (sites(0..chain.bead_count()), sites(s..s + 1));
         let kinetic_j = kinetic_j + all.kinetic_j;

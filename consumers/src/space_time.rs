@@ -79,6 +79,11 @@ impl<T: Cell> Picture<T> {
 
     /// Enters the values of all places of the chain at `step`; steps outside of the picture are passed over.
     pub fn push(&mut self, step: u64, values: impl IntoIterator<Item = T>) {
+        self.push_from(0, step, values);
+    }
+
+    /// The same of places from `first` on: the value of all others is [`Cell::REST`].
+    pub fn push_from(&mut self, first: usize, step: u64, values: impl IntoIterator<Item = T>) {
         if !self.extent.steps.contains(&step) {
             return;
         }
@@ -89,8 +94,9 @@ impl<T: Cell> Picture<T> {
         self.shown[row] = Some(row);
         self.last_row = Some(row);
         let cells = &mut self.cells[row * self.columns..(row + 1) * self.columns];
-        let within = values.into_iter().skip(self.extent.places.start);
-        for (value, column) in within.zip(&self.column_of) {
+        let start = self.extent.places.start;
+        let within = values.into_iter().skip(start.saturating_sub(first));
+        for (value, column) in within.zip(self.column_of.iter().skip(first.saturating_sub(start))) {
             if value.outranks(cells[*column]) {
                 cells[*column] = value;
             }

@@ -365,7 +365,8 @@ impl<S: FrameSource> FrameSource for Resimulation<S> {
         }
         let manifest = self.source.manifest();
         let state = self.state.as_ref().unwrap_or(&self.target);
-        Ok(Received::Frame(state.as_frame(manifest, manifest.frame_at(state.step))))
+        let frame = state.as_frame(manifest, manifest.frame_at(state.step));
+        Ok(Received::Frame(Frame { active: self.integrator.active(state), ..frame }))
     }
 }
 

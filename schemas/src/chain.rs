@@ -280,12 +280,6 @@ impl Chain {
         self.energies_of_contacts_j(u_m, 0..self.contact_count(), energy_j);
     }
 
-    /// True if every contact between two beads at rest has no energy, and beads have none beside that of their motion: then sums need
-    /// visit only the beads and contacts that are not at rest.
-    pub fn rests_without_energy(&self) -> bool {
-        !self.is_loaded && !self.is_ring && self.terms.is_empty() && self.sites.is_none()
-    }
-
     /// Writes the same of some `contacts`, each to its place in `energy_j`.
     pub fn energies_of_contacts_j(&self, u_m: &[f64], contacts: Range<usize>, energy_j: &mut [f64]) {
         let (chain, is_loaded) = (self, self.is_loaded());
@@ -401,14 +395,24 @@ impl Chain {
     /// Kinetic and potential energy of the whole chain in a state with this `extra`. `scratch` holds N − 1 values.
     pub fn energy(&self, u_m: &[f64], v_m_s: &[f64], extra: &[f64], scratch: &mut [f64]) -> Energy {
         self.contact_energies_j(u_m, scratch);
+        self.energy_among((u_m, v_m_s, extra), 0..self.bead_count(), scratch)
+    }
+
+    /// The same, where no beads but `beads` have energy, and no contacts but those with the energies `contacts_j` (J). Both begin at
+    /// places for an [`ordered_sum`].
+    pub fn energy_among(
+        &self,
+        (u_m, v_m_s, extra): (&[f64], &[f64], &[f64]),
+        beads: Range<usize>,
+        contacts_j: &[f64],
+    ) -> Energy {
         let [left, right] = self.wall_energies_j(u_m, extra);
-        let beads = 0..self.bead_count();
         let energy = vectorized(
             Arch::new(),
             #[inline(always)]
             || Energy {
                 kinetic_j: self.kinetic_j(v_m_s, beads.clone()),
-                potential_j: ordered_sum([scratch], |[energy_j]| energy_j) + (left + right),
+                potential_j: ordered_sum([contacts_j], |[energy_j]| energy_j) + (left + right),
             },
         );
         self.with_sites(energy, u_m, extra, beads)

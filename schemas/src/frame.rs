@@ -1,44 +1,10 @@
 //! Frames, their sources and their sinks.
 
+pub use crate::active::Active;
+use crate::chain::Chain;
 use crate::manifest::RunManifest;
 use std::fmt;
-use std::ops::{Range, RangeInclusive};
-
-/// Neighbouring beads, from `first` up to but without `end`, which may differ from rest: all others have displacements and velocities of +0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Active {
-    /// The first of them.
-    pub first: usize,
-    /// The bead behind the last of them.
-    pub end: usize,
-}
-
-impl Active {
-    /// All of `count` beads.
-    pub fn all(count: usize) -> Self {
-        Self { first: 0, end: count }
-    }
-
-    /// The least neighbouring beads that take in these and `other`.
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        Self { first: self.first.min(other.first), end: self.end.max(other.end) } // integers
-    }
-
-    /// The beads of `beads` that an [`ordered_sum`](crate::simd::ordered_sum) over them need visit where the others give 0: it adds the
-    /// same numbers in the same order.
-    pub fn within(self, beads: Range<usize>) -> Range<usize> {
-        let start = beads.start + self.first.saturating_sub(beads.start) / 8 * 8;
-        let start = start.min(beads.end); // integers
-        start..self.end.clamp(start, beads.end) // integers
-    }
-
-    /// The contacts of these beads in a chain of `contacts` contacts, as if they were beads.
-    #[must_use]
-    pub fn contacts(self, contacts: usize) -> Self {
-        Self { first: self.first.saturating_sub(1).min(contacts), end: self.end.min(contacts) } // integers
-    }
-}
+use std::ops::RangeInclusive;
 
 /// One published state, lent by its source until the next call.
 #[derive(Debug, Clone, Copy)]
@@ -73,6 +39,23 @@ impl<'a> Frame<'a> {
         let (u_m, rest) = doubles.split_at(beads.min(doubles.len())); // integers
         let (v_m_s, extra) = rest.split_at(beads.min(rest.len())); // integers
         Self { frame, step, time_s, u_m, v_m_s, extra, active: None }
+    }
+
+    /// The same frame, with its beads at rest sought where nobody said them.
+    #[must_use]
+    pub fn searched(self) -> Self {
+        Self { active: self.active.or_else(|| Some(Active::of(self.u_m, self.v_m_s))), ..self }
+    }
+
+    /// The beads that may differ from rest: all where nobody says.
+    pub fn moving(&self) -> Active {
+        self.active.unwrap_or(Active::all(self.u_m.len()))
+    }
+
+    /// The beads that may have energy in a frame of `chain`, of their own or of a contact with a bead: at rest they have none, whatever
+    /// loads them, but nobody says which resonators rest.
+    pub fn with_energy(&self, chain: &Chain) -> Active {
+        if chain.sites.has_resonators() { Active::all(self.u_m.len()) } else { self.moving() }
     }
 }
 

@@ -4,6 +4,7 @@
 //! it. Producers and consumers must agree to the bit on the [`contact`] law, with its own [`power`]
 //! function, over a resolved [`chain`].
 
+pub mod active;
 pub mod amounts;
 pub mod bath;
 pub mod beads;

@@ -1,5 +1,6 @@
 //! A few numbers about a frame, so that any plotting tool shows something useful at once.
 
+use crate::active::{Active, ContactEnergies};
 use crate::chain::{Chain, Energy};
 use crate::frame::Frame;
 use crate::manifest::Physics;
@@ -43,7 +44,7 @@ pub struct Summarizer {
     physics: Physics,
     /// Speed (m/s) above which a bead belongs to the shock.
     front_threshold_m_s: f64,
-    contact_energy_j: Vec<f64>,
+    contacts: ContactEnergies,
     driven_at_least_j: Option<f64>,
 }
 
@@ -56,7 +57,7 @@ impl Summarizer {
             impurities: physics.impurities.iter().map(|impurity| impurity.bead).collect(),
             front_threshold_m_s: 1e-3 * physics.scales().speed_m_s(),
             physics: physics.clone(),
-            contact_energy_j: vec![0.0; chain.contact_count()],
+            contacts: ContactEnergies::new(&chain),
             driven_at_least_j: driven_at_least_j(physics),
             chain,
         }
@@ -64,7 +65,13 @@ impl Summarizer {
 
     /// The summary of `frame`.
     pub fn summarize(&mut self, frame: &Frame<'_>) -> Summary {
-        let energy = self.chain.energy(frame.u_m, frame.v_m_s, frame.extra, &mut self.contact_energy_j);
+        let (chain, active) = (&self.chain, frame.with_energy(&self.chain));
+        self.contacts.renew(chain, frame.u_m, active);
+        let contacts_j = self.contacts.values_j();
+        let contacts = active.contacts(contacts_j.len()).within(0..contacts_j.len());
+        let beads = active.within(0..chain.bead_count());
+        let state = (frame.u_m, frame.v_m_s, frame.extra);
+        let energy = chain.energy_among(state, beads, &contacts_j[contacts]);
         let dissipated_j = self.physics.dissipated_j(frame.extra);
         let driven_j = self.physics.driven_j(frame.extra);
         let lost_j = dissipated_j - driven_j;
@@ -78,17 +85,19 @@ impl Summarizer {
                     driven_drift(energy.total_j() + dissipated_j, driven_j, self.initial_j, least_j)
                 }
             },
-            front_bead: self.front_bead(frame.v_m_s),
+            front_bead: self.front_bead(frame),
             impurities: self.impurities.iter().map(|bead| bead_state(frame, *bead)).collect(),
         }
     }
 
-    fn front_bead(&self, v_m_s: &[f64]) -> u64 {
+    fn front_bead(&self, frame: &Frame<'_>) -> u64 {
+        let Active { first, end } = frame.moving();
+        let v_m_s = &frame.v_m_s[first..end];
         let moves = |v: &f64| v.abs() > self.front_threshold_m_s;
         let striker = &self.physics.striker;
         let is_leftward = striker.velocity_m_s < 0.0;
         let front = if is_leftward { v_m_s.iter().position(moves) } else { v_m_s.iter().rposition(moves) };
-        front.map_or(striker.bead, |bead| bead as u64)
+        front.map_or(striker.bead, |bead| (first + bead) as u64)
     }
 }
 

@@ -77,12 +77,16 @@ impl ContactAnalysis {
     }
 }
 
-/// Takes the classes of a frame.
-fn take(picture: &mut Option<Picture<Class>>, last: &mut ContactCounts, step: u64, classes: &[u8]) {
+/// Takes the classes of a frame, from contact `first` on: of all others, which make it `contacts` in all, each touches.
+fn take(
+    (picture, last): (&mut Option<Picture<Class>>, &mut ContactCounts),
+    (step, contacts): (u64, usize),
+    (first, classes): (usize, &[u8]),
+) {
     if let Some(picture) = picture {
-        picture.push(step, classes.iter().map(|class| Class(*class)));
+        picture.push_from(first, step, classes.iter().map(|class| Class(*class)));
     }
-    *last = ContactCounts::of(classes);
+    *last = ContactCounts::among(contacts, first, classes);
 }
 
 impl Analysis for ContactAnalysis {
@@ -95,8 +99,8 @@ impl Analysis for ContactAnalysis {
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        let classes = self.contacts.observe(frame);
-        take(&mut self.picture, &mut self.last, frame.step, classes);
+        let contacts = self.contacts.observe(frame).len();
+        take((&mut self.picture, &mut self.last), (frame.step, contacts), self.contacts.touched());
         if out.wants(0) {
             out.line_of(
                 0,
@@ -116,7 +120,7 @@ impl Analysis for ContactAnalysis {
     fn recall(&mut self, step: u64, tolerance_m: f64, row: RowValues<'_>) {
         self.tolerance_m = tolerance_m;
         if let RowValues::Classes(classes) = row {
-            take(&mut self.picture, &mut self.last, step, classes);
+            take((&mut self.picture, &mut self.last), (step, classes.len()), (0, classes));
         }
     }
 

@@ -12,7 +12,7 @@ use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::{Cell, Column};
 use figure::{Figure, FigureError};
 use schemas::amounts::{count, counted, fixed};
-use schemas::frame::Frame;
+use schemas::frame::{Active, Frame};
 use schemas::manifest::RunManifest;
 use schemas::results::{PULSE, ResultColumns};
 use serde_json::{Value, json};
@@ -207,7 +207,8 @@ impl Analysis for PulseAnalysis {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         if let Some(map) = &mut self.map {
-            map.push(frame.step, singles(frame.v_m_s.iter().copied()));
+            let Active { first, end } = frame.moving();
+            map.push_from(first, frame.step, singles(frame.v_m_s[first..end].iter().copied()));
         }
         self.ended.clear();
         let happenings = self.pulses.observe(frame).to_vec();

@@ -3,7 +3,7 @@
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Remake, Report, Setting, Takes,
 };
-use consumers::local_energy::bead_energies_j;
+use consumers::local_energy::BeadEnergies;
 use consumers::power_law::LineSums;
 use consumers::series::Series;
 use figure::{Axis, Figure, FigureError, Panel};
@@ -60,7 +60,7 @@ const SUMMARY: [Meaning; 7] = [
 /// Mean energy of a bead over the largest one, below which the localisation length does not look at it.
 const FAINTEST: f64 = 1e-8;
 
-/// Energy along the chain in one frame, with `ε_i` the energy of bead `i` ([`bead_energies_j`]). NaN in a chain without energy.
+/// Energy along the chain in one frame, with `ε_i` the energy of bead `i` ([`BeadEnergies`]). NaN in a chain without energy.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SpreadingRow {
     /// `Σ ε_i` (J).
@@ -82,8 +82,14 @@ impl SpreadingRow {
     /// assert_eq!((row.centre_beads, row.second_moment_beads2, row.participation_beads), (1.0, 1.0, 2.0));
     /// ```
     pub fn of(energies_j: &[f64]) -> Self {
+        Self::among(0, energies_j)
+    }
+
+    /// The same where no beads have energy but those from `first` on, with `energies_j` (J).
+    fn among(first: usize, energies_j: &[f64]) -> Self {
+        let first = u32::try_from(first).unwrap_or(u32::MAX); // a chain has at most 2e7 beads
         let sum = |of: &dyn Fn(f64, f64) -> f64| {
-            (0_u32..).zip(energies_j).fold(0.0, |sum, (bead, energy)| sum + of(bead.into(), *energy))
+            (first..).zip(energies_j).fold(0.0, |sum, (bead, energy)| sum + of(bead.into(), *energy))
         };
         let energy_j = sum(&|_, energy| energy);
         let centre_beads = sum(&|bead, energy| bead * energy) / energy_j;
@@ -105,6 +111,7 @@ impl SpreadingRow {
 struct Spreading {
     manifest: RunManifest,
     chain: Chain,
+    energies: BeadEnergies,
     last: Option<SpreadingRow>,
     fit_from_s: f64,
     /// Logarithms of the second moment and of the participation number over that of the time.
@@ -121,12 +128,14 @@ impl Spreading {
         let curves = beginning.is_drawn.then(Series::default);
         let last_step = manifest.physics.step_count.min(*beginning.steps.end());
         let a_tenth_s = 0.1 * manifest.physics.time_s(last_step);
+        let chain = manifest.physics.chain();
         Self {
-            chain: manifest.physics.chain(),
+            energies: BeadEnergies::new(&chain),
             last: None,
             fit_from_s: beginning.settings.one("fit-from").unwrap_or(a_tenth_s),
             growth: [LineSums::default(); 2],
-            sums_j: Vec::new(),
+            sums_j: vec![0.0; chain.bead_count()],
+            chain,
             manifest,
             curves,
         }
@@ -153,16 +162,16 @@ impl Spreading {
 
 impl Analysis for Spreading {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
-        let energies_j = bead_energies_j(&self.chain, frame);
-        let row = SpreadingRow::of(&energies_j);
+        let (beads, energies_j) = self.energies.of(&self.chain, frame);
+        let energies_j = &energies_j[beads.clone()];
+        let row = SpreadingRow::among(beads.start, energies_j);
         if frame.time_s >= self.fit_from_s {
             for (sums, value) in
                 self.growth.iter_mut().zip([row.second_moment_beads2, row.participation_beads])
             {
                 sums.add((frame.time_s.ln(), value.ln()), 1.0 / frame.time_s);
             }
-            self.sums_j.resize(energies_j.len(), 0.0);
-            self.sums_j.iter_mut().zip(&energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
+            self.sums_j[beads].iter_mut().zip(energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
         }
         if let Some(curves) = &mut self.curves {
             curves.push(frame.time_s, row.values());

@@ -4,11 +4,13 @@
 //! its largest rise of speed since a pulse passed it last. Beads in a row whose rises no pulse explains, one after the
 //! other in time, are a disturbance that was not followed.
 
+use super::crest::History;
 use super::found::{MATTERS, SHORTEST, Unfollowed};
 use super::front::Front;
 use super::surroundings::Surroundings;
 use super::track::{Point, Track};
 use super::{Direction, signed};
+use schemas::active::Active;
 use schemas::frame::Frame;
 
 /// Steps between the frames that are looked at: there are five or more while a pulse passes.
@@ -30,6 +32,8 @@ pub(super) struct Control {
     /// The longest time (s) between two frames that were looked at.
     apart_s: f64,
     beads: Vec<Bead>,
+    /// Those that may have moved in the frame that was looked at last, or that began anew since: others are known to rest.
+    seen: Active,
     front: Front,
 }
 
@@ -71,16 +75,17 @@ impl Control {
             seen_s: f64::NAN,
             apart_s: 0.0,
             beads: vec![bead; bead_count],
+            seen: Active::all(bead_count),
             front: Front::new(bead_count, ABOVE_THRESHOLD * threshold_m_s),
         }
     }
 
-    /// Looks at the velocities of the next frame that is due, while the pulses `tracks` are under way.
+    /// Looks at the newest velocities in `history` if the frame is due, while the pulses `tracks` are under way.
     pub(super) fn observe(
         &mut self,
         around: &Surroundings,
         frame: &Frame<'_>,
-        v_m_s: &[f64],
+        history: &History,
         tracks: &[Track],
     ) {
         if frame.step < self.due_step {
@@ -90,8 +95,11 @@ impl Control {
         // NaN where there was none before
         self.apart_s = self.apart_s.max(frame.time_s - self.seen_s);
         self.seen_s = frame.time_s;
-        self.front.observe(around, frame, v_m_s, tracks);
-        for (number, (bead, v)) in self.beads.iter_mut().zip(v_m_s).enumerate() {
+        self.front.observe(around, frame, history, tracks);
+        let moving = history.moving();
+        let Active { first, end } = self.seen.renew(Active { first: moving.start, end: moving.end });
+        let speeds = self.beads[first..end].iter_mut().zip(&history.v_m_s(0)[first..end]);
+        for (number, (bead, v)) in (first..).zip(speeds) {
             let speed = v.abs();
             bead.low_m_s = bead.low_m_s.min(speed);
             bead.largest_m_s = bead.largest_m_s.max(speed);
@@ -104,13 +112,14 @@ impl Control {
 
     /// A pulse has passed a bead: velocities that rose there within `around_s` of it are explained.
     pub(super) fn explain(&mut self, point: &Point, around_s: f64) {
-        let bead = usize::try_from(point.bead).ok().and_then(|bead| self.beads.get_mut(bead));
-        let Some(bead) = bead else { return };
+        let Ok(number) = usize::try_from(point.bead) else { return };
+        let Some(bead) = self.beads.get_mut(number) else { return };
         if bead.rise.time_s < point.time_s - around_s {
             bead.keep_unexplained();
         }
         if bead.rise.time_s <= point.time_s + around_s {
             bead.begin();
+            self.seen = self.seen.with(Active { first: number, end: number + 1 });
         }
     }
 
@@ -123,6 +132,7 @@ impl Control {
             }
             bead.begin();
         }
+        self.seen = Active::all(self.beads.len());
         self.seen_s = f64::NAN;
     }
 

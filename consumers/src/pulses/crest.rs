@@ -1,5 +1,6 @@
 //! Crests: maxima of |v| of a bead over time.
 
+use schemas::active::Active;
 use std::ops::Range;
 
 /// Frames kept: a crest is looked for in the middle one, and interpolated through all.
@@ -23,6 +24,8 @@ pub(super) struct History {
     beads: usize,
     /// A ring of [`DEPTH`] frames.
     v_m_s: Vec<f64>,
+    /// The beads that may move in each of them.
+    active: [Active; DEPTH],
     times_s: [f64; DEPTH],
     filled: usize,
     newest: usize,
@@ -42,7 +45,15 @@ pub(super) struct Crest {
 impl History {
     pub(super) fn new(beads: Range<usize>) -> Self {
         let (first, beads) = (beads.start, beads.len());
-        Self { first, beads, v_m_s: vec![0.0; DEPTH * beads], times_s: [0.0; DEPTH], filled: 0, newest: 0 }
+        Self {
+            first,
+            beads,
+            v_m_s: vec![0.0; DEPTH * beads],
+            active: [Active::all(0); DEPTH],
+            times_s: [0.0; DEPTH],
+            filled: 0,
+            newest: 0,
+        }
     }
 
     /// The beads.
@@ -50,13 +61,26 @@ impl History {
         self.first..self.first + self.beads
     }
 
-    /// Takes the next frame: the velocities (m/s) of the beads.
-    pub(super) fn push(&mut self, time_s: f64, v_m_s: &[f64]) {
+    /// Takes the next frame, in which no beads but `active` move: `put` writes the velocities (m/s) of the beads that it is given.
+    pub(super) fn push(&mut self, time_s: f64, active: Active, put: impl FnOnce(Range<usize>, &mut [f64])) {
         self.newest = (self.newest + 1) % DEPTH;
         self.filled = DEPTH.min(self.filled + 1);
         self.times_s[self.newest] = time_s;
+        let beads = self.active[self.newest].renew(active).within(self.range());
         let start = self.newest * self.beads;
-        self.v_m_s[start..start + self.beads].copy_from_slice(v_m_s);
+        let slot = &mut self.v_m_s[start..start + self.beads];
+        put(beads.clone(), &mut slot[beads.start - self.first..beads.end - self.first]);
+    }
+
+    /// The beads that may move in the newest frame.
+    pub(super) fn moving(&self) -> Range<usize> {
+        self.active[self.newest].within(self.range())
+    }
+
+    /// The beads that may move in one of the frames.
+    pub(super) fn moved(&self) -> Range<usize> {
+        let [one, others @ ..] = self.active;
+        others.into_iter().fold(one, Active::with).within(self.range())
     }
 
     /// Forgets all frames.
@@ -94,7 +118,9 @@ impl History {
     pub(super) fn candidates(&self, threshold_m_s: f64, beads: &mut Vec<usize>) {
         const BLOCK: usize = 16;
         beads.clear();
-        let (before, at, after) = (self.v_m_s(3), self.v_m_s(2), self.v_m_s(1));
+        let moved = self.moved();
+        let [before, at, after] =
+            [3, 2, 1].map(|back| &self.v_m_s(back)[moved.start - self.first..moved.end - self.first]);
         let square = threshold_m_s * threshold_m_s;
         // without a branch in it the loop over a block is vectorised; a block with a crest in it is rare
         #[expect(clippy::needless_bitwise_bool, reason = "lazy operators are branches")]
@@ -106,7 +132,7 @@ impl History {
             let crests = before.iter().zip(at).zip(after);
             if crests.clone().fold(false, |any, crest| any | is_crest(crest)) {
                 let hits = crests.enumerate().filter(|(_, crest)| is_crest(*crest));
-                beads.extend(hits.map(|(offset, _)| self.first + block * BLOCK + offset));
+                beads.extend(hits.map(|(offset, _)| moved.start + block * BLOCK + offset));
             }
         }
     }
@@ -202,7 +228,7 @@ mod tests {
     fn history(times_s: [f64; DEPTH], v: impl Fn(f64) -> f64) -> History {
         let mut history = History::new(0..3);
         for t in times_s {
-            history.push(t, &[0.0, v(t), 0.0]);
+            history.push(t, Active { first: 1, end: 2 }, |beads, to| to[1 - beads.start] = v(t));
         }
         history
     }

@@ -3,6 +3,7 @@
 //! Beads that move for the first time, one after the other, are the front, independent of the tracker. A leading pulse
 //! runs close behind the front. If there is none for many beads, the tracker has not followed the leading pulse.
 
+use super::crest::History;
 use super::found::{MATTERS, SHORTEST, Unfollowed};
 use super::surroundings::Surroundings;
 use super::track::Track;
@@ -48,18 +49,18 @@ impl Front {
         }
     }
 
-    /// Looks at the velocities (m/s) of all beads, their own or means, while the pulses `tracks` are under way.
+    /// Looks at the newest velocities in the `history` of all beads, their own or means, while the pulses `tracks` are under way.
     pub(super) fn observe(
         &mut self,
         around: &Surroundings,
         frame: &Frame<'_>,
-        v_m_s: &[f64],
+        history: &History,
         tracks: &[Track],
     ) {
-        let beads = v_m_s.iter().zip(&self.reached).enumerate();
-        let new = beads.filter(|(_, (v, reached))| !**reached && v.abs() > self.threshold_m_s);
+        let v_m_s = history.v_m_s(0);
+        let is_new = |bead: &usize| !self.reached[*bead] && v_m_s[*bead].abs() > self.threshold_m_s;
         self.arrivals.clear();
-        self.arrivals.extend(new.map(|(bead, _)| bead));
+        self.arrivals.extend(history.moving().filter(is_new));
         if self.is_first {
             // what moves when frames begin has come from anywhere
             self.is_first = false;

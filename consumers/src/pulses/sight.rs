@@ -21,7 +21,6 @@ pub(super) struct Sight {
 #[derive(Debug, Clone)]
 struct Own {
     history: History,
-    means: Vec<f64>,
     /// The largest velocity (m/s) of each bead since the mean around it was smallest.
     largest_m_s: Vec<f64>,
 }
@@ -29,24 +28,24 @@ struct Own {
 impl Sight {
     /// Looks at some beads of a chain.
     pub(super) fn new(around: &Surroundings, beads: Range<usize>) -> Self {
-        let own = around.texture.as_ref().map(|_| Own {
-            history: History::new(beads.clone()),
-            means: Vec::with_capacity(beads.len()),
-            largest_m_s: vec![0.0; beads.len()],
-        });
+        let own = around
+            .texture
+            .as_ref()
+            .map(|_| Own { history: History::new(beads.clone()), largest_m_s: vec![0.0; beads.len()] });
         Self { history: History::new(beads), candidates: Vec::new(), own }
     }
 
     /// Takes the next frame.
     pub(super) fn push(&mut self, around: &Surroundings, frame: &Frame<'_>) {
-        let beads = self.history.range();
+        let (time_s, v_m_s, active) = (frame.time_s, frame.v_m_s, frame.moving());
+        let copy = |beads: Range<usize>, to: &mut [f64]| to.copy_from_slice(&v_m_s[beads]);
         match (&around.texture, &mut self.own) {
             (Some(texture), Some(own)) => {
-                own.history.push(frame.time_s, &frame.v_m_s[beads.clone()]);
-                texture.average(frame.v_m_s, beads, &mut own.means);
-                self.history.push(frame.time_s, &own.means);
+                own.history.push(time_s, active, copy);
+                let average = |beads, to: &mut [f64]| texture.average(v_m_s, beads, to);
+                self.history.push(time_s, texture.around(active), average);
             }
-            _ => self.history.push(frame.time_s, &frame.v_m_s[beads]),
+            _ => self.history.push(time_s, active, copy),
         }
     }
 
@@ -101,14 +100,14 @@ impl Sight {
     ) {
         crests.clear();
         let (Some(texture), Some(own)) = (&around.texture, &mut self.own) else { return };
-        let beads = self.history.range();
-        for bead in beads.clone().filter(|bead| self.history.is_least(*bead)) {
-            own.largest_m_s[bead - beads.start] = 0.0;
+        let first = self.history.range().start;
+        for bead in self.history.moved().filter(|bead| self.history.is_least(*bead)) {
+            own.largest_m_s[bead - first] = 0.0;
         }
         own.history.candidates(threshold_m_s, &mut self.candidates);
         for bead in self.candidates.iter().filter(|bead| texture.is_uneven(**bead)) {
             let crest = own.history.crest(*bead);
-            let largest = &mut own.largest_m_s[bead - beads.start];
+            let largest = &mut own.largest_m_s[bead - first];
             if crest.v_m_s.abs() > largest.abs() {
                 *largest = crest.v_m_s;
             }

@@ -4,6 +4,7 @@
 //! several times, and lose touch in between. Rattling carries no momentum along the chain: the velocity of the
 //! centre of mass of the beads around rises and falls once a pulse.
 
+use schemas::active::Active;
 use schemas::chain::Chain;
 use std::ops::Range;
 
@@ -40,6 +41,8 @@ pub(super) struct Texture {
     windows: Vec<Window>,
     /// Weights of the beads of all windows, one window after the other, each of sum 1.
     weights: Vec<f64>,
+    /// Most beads on either side of one that are looked at together with it.
+    farthest: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -59,10 +62,8 @@ impl Texture {
     /// The texture of a chain; none if it is even, but for a few impurities and steps.
     pub(super) fn of(chain: &Chain) -> Option<Self> {
         let reaches = reaches(chain);
-        if reaches.iter().all(|reach| *reach == 0) {
-            return None;
-        }
-        let mut texture = Self { windows: Vec::with_capacity(reaches.len()), weights: Vec::new() };
+        let farthest = reaches.iter().copied().max().filter(|reach| *reach > 0)?;
+        let mut texture = Self { windows: Vec::with_capacity(reaches.len()), weights: Vec::new(), farthest };
         for (bead, reach) in reaches.into_iter().enumerate() {
             texture.add(chain, bead, reach);
         }
@@ -117,13 +118,17 @@ impl Texture {
         beads.start..beads.end - 1
     }
 
+    /// The beads around which the mean velocity may differ from 0 where no beads but `active` move.
+    pub(super) fn around(&self, active: Active) -> Active {
+        Active { first: active.first.saturating_sub(self.farthest), end: active.end + self.farthest }
+    }
+
     /// Puts into `means` the mean velocities (m/s) around each of `beads`.
-    pub(super) fn average(&self, v_m_s: &[f64], beads: Range<usize>, means: &mut Vec<f64>) {
-        means.clear();
-        means.extend(self.windows[beads].iter().map(|window| {
+    pub(super) fn average(&self, v_m_s: &[f64], beads: Range<usize>, means: &mut [f64]) {
+        for (mean, window) in means.iter_mut().zip(&self.windows[beads]) {
             let weights = &self.weights[window.weights..window.weights + window.beads.len()];
-            weights.iter().zip(&v_m_s[window.beads.clone()]).map(|(weight, v)| weight * v).sum::<f64>()
-        }));
+            *mean = weights.iter().zip(&v_m_s[window.beads.clone()]).map(|(weight, v)| weight * v).sum();
+        }
     }
 }
 
@@ -216,9 +221,9 @@ mod tests {
         let dimers = texture((0..100).map(|bead| if bead % 2 == 0 { 1.0 } else { 0.1 }).collect()).unwrap();
         // as much momentum one way as the other
         let v: Vec<f64> = (0..100).map(|bead| if bead % 2 == 0 { 0.3 } else { -3.0 }).collect();
-        let mut means = Vec::new();
-        dimers.average(&v, 10..90, &mut means);
-        assert!(means.len() == 80 && means.iter().all(|mean| mean.abs() < 1e-15), "{means:?}");
+        let mut means = [f64::NAN; 100];
+        dimers.average(&v, 10..90, &mut means[10..90]);
+        assert!(means[10..90].iter().all(|mean| mean.abs() < 1e-15), "{means:?}");
         dimers.average(&[0.7; 100], 0..100, &mut means);
         assert!(means.iter().all(|mean| (mean - 0.7).abs() < 1e-15), "{means:?}");
     }

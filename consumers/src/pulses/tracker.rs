@@ -111,7 +111,7 @@ impl Pulses {
         self.resumed.get_or_insert((frame.time_s, frame.step > 0));
         self.sight.push(&self.around, frame);
         if let Some(control) = &mut self.control {
-            control.observe(&self.around, frame, self.sight.history.v_m_s(0), &self.tracks);
+            control.observe(&self.around, frame, &self.sight.history, &self.tracks);
         }
         if self.sight.history.is_full() {
             self.hear_rattles();

@@ -7,7 +7,7 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("the command", 14_990),
-    ("schemas", 9_200),
+    ("schemas", 9_265),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
@@ -15,8 +15,8 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 8_340),
-    ("consumers", 6_190),
-    ("consumers/analyses", 4_455),
+    ("consumers", 6_275),
+    ("consumers/analyses", 4_470),
     ("consumers/experiments", 1_615),
     ("consumers/exports", 950),
     ("consumers/figure", 3_120),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 79_680;
+const MOST_LINES: usize = 79_840;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -23,6 +23,7 @@ use std::sync::atomic::AtomicBool;
 mod exact;
 mod prediction;
 mod roundings;
+mod windows;
 
 /// Numbers in a fixed order, from a seed and a stream.
 struct Random {
@@ -82,7 +83,12 @@ const KINDS: [&str; 18] = [
 
 /// A configuration of a kind: 1 g, 1e7 N·m^−α and 5 m/s but for what is drawn, over 10 to 60 collision times.
 fn drawn(kind: &str, random: &mut Random) -> RunConfig {
-    let mut beads = 5 + random.below(20);
+    let beads = 5 + random.below(20);
+    drawn_of(kind, beads, random)
+}
+
+/// The same of so many beads.
+fn drawn_of(kind: &str, mut beads: u64, random: &mut Random) -> RunConfig {
     let mut chain = String::new();
     let mut rest = String::new();
     let mut striker = (0, 5.0);

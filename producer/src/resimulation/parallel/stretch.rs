@@ -276,6 +276,6 @@ impl Block {
         let (u_m, rest) = self.doubles[index * length..][..length].split_at(beads);
         let (v_m_s, extra) = rest.split_at(beads);
         let (frame, time_s) = (manifest.frame_at(step), manifest.physics.time_s(step));
-        Frame { frame, step, time_s, u_m, v_m_s, extra, active: None }
+        Frame { frame, step, time_s, u_m, v_m_s, extra, active: None }.searched()
     }
 }

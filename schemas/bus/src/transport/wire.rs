@@ -226,7 +226,7 @@ impl Slots {
         frame: &Frame<'_>,
     ) -> SampleMut<Ipc, [f64], StateHeader> {
         let beads = frame.u_m.len();
-        let active = frame.active.unwrap_or(Active::all(beads));
+        let active = frame.moving();
         let before = self.written.insert(slot.payload_mut().as_ptr() as usize, active);
         let Some(before) = before else {
             let header = StateHeader { active: active_bits(frame.active), ..header };

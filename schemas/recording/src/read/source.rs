@@ -273,7 +273,7 @@ impl FrameSource for RecordingSource {
                 self.accounted = Some(step);
                 self.next = Pending::Unknown;
                 let frame = Frame::of_doubles((frame, step, time_s), self.lengths.beads, &self.doubles);
-                Ok(Received::Frame(frame))
+                Ok(Received::Frame(frame.searched()))
             }
             Pending::End { reason, last_step } => {
                 if let Some(step) = last_step
