@@ -17,7 +17,7 @@ import beadline
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "python" / "reference.md"
 
 CHAPTERS = {
-    "Runs": ["Chain", "Run", "Simulation", "preset", "presets"],
+    "Runs": ["Chain", "Run", "simulate", "Simulation", "preset", "presets"],
     "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View", "compare", "Comparison", "Difference"],
     "Tables": ["Table", "Motion", "Pulses", "Forces"],
     "Orbits": ["orbit", "Orbit"],
