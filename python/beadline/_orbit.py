@@ -41,9 +41,11 @@ class Orbit:
         self.amplitude_m: float = last["amplitude_m"]
         #: Distance between the state and that a period later, over its size.
         self.returns: float = last["returns"]
-        #: True if no multiplier is outside of the unit circle.
-        self.is_stable: bool = last["is_stable"]
-        #: Its multipliers, by descending size.
+        #: True if no multiplier is outside of the unit circle; None if none is found there, and not all are known.
+        self.is_stable: bool | None = last["is_stable"]
+        #: Of long chains the size above which all multipliers are known, else None.
+        self.multipliers_above: float | None = (last.get("multipliers_limit") or {}).get("above")
+        #: Its multipliers, by descending size; of a long chain the largest.
         self.multipliers: npt.NDArray[np.complex128] = np.array([complex(one["re"], one["im"]) for one in last["multipliers"]])
         #: Changes of stability along a branch, in its order.
         self.changes: list[Json] = summary.get("changes", [])
@@ -110,7 +112,7 @@ class Orbit:
         return _found({**config, "continue": {name: one for name, one in follow.items() if one is not None}}, out, force)
 
     def __repr__(self) -> str:
-        way = "stable" if self.is_stable else "unstable"
+        way = {True: "stable", False: "unstable", None: "stable as far as known"}[self.is_stable]
         return f"Orbit(period_s={self.period_s!r}, energy_j={self.energy_j!r}, {way})"
 
 

@@ -17,7 +17,7 @@ use experiments::recorded::record;
 use figure::Figure;
 use orbits::branch::{Change, End, Step};
 use orbits::file::File;
-use orbits::multipliers::Multipliers;
+use orbits::multipliers::{Limit, Multipliers};
 use orbits::shown::Mark;
 use orbits::switching::Beginning;
 use orbits::{MapError, NoOrbit, Orbit, Search, shown};
@@ -154,7 +154,7 @@ impl Place<'_> {
     fn write_multipliers(&self, found: &Multipliers) -> Result<(), Failure> {
         let columns = ["re", "im", "size", "angle_rad"].map(|name| Column::new(name, Kind::Double));
         let mut table = Table::create(&self.path("multipliers.csv"), &columns, true)?;
-        for one in found.all() {
+        for one in found.found() {
             table.double(one.re).double(one.im).double(one.size()).double(one.angle_rad());
             table.end_row()?;
         }
@@ -195,8 +195,17 @@ fn tell_residual(orbit: &Orbit) {
 }
 
 fn words(orbit: &Orbit) -> String {
-    let way = orbit.multipliers.unstable().next().map(|one| orbit.multipliers.kind(one).as_str());
-    format!("period {}, {}", quantity(orbit.period_s(), "s"), way.unwrap_or("stable"))
+    let found = limit(orbit).map_or(String::new(), |limit| format!("; multipliers: {limit}"));
+    format!("period {}, {}{found}", quantity(orbit.period_s(), "s"), shown::way(&orbit.multipliers))
+}
+
+/// The extent to which multipliers are found, where they are not all.
+fn limit(orbit: &Orbit) -> Option<String> {
+    let Limit { above, residual } = orbit.multipliers.limit()?;
+    Some(match orbit.multipliers.found() {
+        [] => format!("none above {above:.4} in size"),
+        _ => format!("those above {above:.4} in size, to a residual of {residual:.0e}"),
+    })
 }
 
 fn add_rows(rows: &mut Rows, orbit: &Orbit) {
@@ -215,7 +224,7 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
     rows.add(
         "stability",
         if unstable.is_empty() {
-            "stable".to_owned()
+            shown::way(&orbit.multipliers).to_owned()
         } else {
             format!("{} outside of the unit circle", counted(unstable.len() as u64, "multiplier"))
         },
@@ -234,6 +243,7 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
+    limit(orbit).into_iter().for_each(|limit| rows.add("multipliers found", limit));
 }
 
 /// An orbit as JSON.
@@ -251,9 +261,10 @@ fn told(orbit: &Orbit) -> Value {
         "amplitude_m": orbit.amplitude_m(),
         "residuals": orbit.residuals,
         "returns": orbit.returns,
-        "is_stable": orbit.multipliers.unstable().next().is_none(),
+        "is_stable": orbit.multipliers.is_stable(),
         "unstable": unstable.collect::<Vec<_>>(),
-        "multipliers": orbit.multipliers.all(),
+        "multipliers": orbit.multipliers.found(),
+        "multipliers_limit": orbit.multipliers.limit(),
     })
 }
 

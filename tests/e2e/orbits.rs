@@ -196,6 +196,25 @@ fn a_branch_that_is_born_is_followed_recorded_and_goes_on_to_the_same_bytes() {
 }
 
 #[test]
+fn an_orbit_of_a_long_chain_tells_which_multipliers_are_known() {
+    let place = Place::new();
+    let text = "[chain]\nbeads = 1200\nbead_mass_kg = 1.0\nalpha = 1.5\nstiffness = 1.0\nimpurities = [{ bead = 600, mass_kg = 0.2 }]\n\
+        [ends]\nleft = \"fixed\"\nright = \"fixed\"\n[load]\nprecompression_n = 1.0\n\
+        [orbit]\namplitude_m = 0.2\nmode = { number = 1200, displacement_m = 0.1 }\n";
+    place.write("one.toml", text);
+    let told = place.run("orbit one.toml --out one").exits(0).stdout();
+    assert!(told.contains("stable as far as known") && told.contains("above 1.0"), "{told}");
+    place.run("verify one/orbit.mcap").exits(0);
+    let found: Value = serde_json::from_str(&place.read("one/orbit.json")).unwrap();
+    let above = found["multipliers_limit"]["above"].as_f64().unwrap();
+    assert!((1.0..1.1).contains(&above) && found["is_stable"].is_null(), "{found}");
+    assert!(
+        found["returns"].as_f64().unwrap() < 1e-11 && place.path("one/multipliers.png").exists(),
+        "{found}"
+    );
+}
+
+#[test]
 fn impossible_orbits_are_refused_with_the_key_and_leave_nothing() {
     let place = example("breather");
     let text = place.read("breather.toml");

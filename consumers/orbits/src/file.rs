@@ -196,7 +196,7 @@ impl File {
     /// Settings of the search.
     pub fn options(&self) -> Options {
         let Written { steps, segments, shift_beads, period_s, .. } = self.written;
-        Options { steps, segments, shift_beads, period_s: period_s.or(self.mode_period_s) }
+        Options { steps, segments, shift_beads, period_s: period_s.or(self.mode_period_s), most_dense: None }
     }
 
     /// The problem at a value of the parameter.

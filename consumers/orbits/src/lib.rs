@@ -42,8 +42,8 @@ use schemas::drive::{Place, Quantity};
 use schemas::manifest::Physics;
 use std::sync::atomic::AtomicBool;
 
-/// The most coordinates, 2N or 4N with resonators, for which matrices are dense.
-pub const MOST_COORDINATES: usize = 2000;
+/// The most coordinates, 2N or 4N with resonators, for which matrices are made, with all multipliers.
+pub const MOST_DENSE: usize = 2000;
 
 /// Settings of a search, beside the problem.
 #[derive(Debug, Clone, Copy, Default)]
@@ -56,6 +56,8 @@ pub struct Options {
     pub shift_beads: u64,
     /// A first guess of a period (s) that is not asked for.
     pub period_s: Option<f64>,
+    /// The most coordinates for which matrices are made [default: [`MOST_DENSE`]].
+    pub most_dense: Option<usize>,
 }
 
 /// A search for orbits of a family of chains.
@@ -154,11 +156,6 @@ impl<'a> Search<'a> {
         let physics = Physics { dt_s: period_s / steps as f64, ..physics };
         let begun = ChainState::initial(&physics);
         let mut coordinates = Coordinates::of(&physics, &begun).map_err(MapError::from)?;
-        if coordinates.count() > MOST_COORDINATES {
-            return Err(NoOrbit::Chain(
-                "orbits are found by dense matrices, of chains of up to 1000 beads (500 with resonators)",
-            ));
-        }
         let mut points = vec![coordinates.of_state(&begun)];
         let shift_beads = options.shift_beads;
         if norm(&points[0]) == 0.0 {
@@ -179,6 +176,7 @@ impl<'a> Search<'a> {
         let is_still = velocities.iter().all(|place| start.points[0][*place] == 0.0);
         let turns = is_still && is_conservative && !is_driven && shift_beads == 0;
         let newton = Newton {
+            is_dense: coordinates.count() <= options.most_dense.unwrap_or(MOST_DENSE),
             unknown: if turns { displacements } else { all.clone() },
             turns,
             moves_by_itself: !is_driven,
@@ -214,7 +212,12 @@ impl<'a> Search<'a> {
             return Err(NoOrbit::Chain(why));
         }
         let problem = (self.newton.family)(unknown.parameter)?;
-        let multipliers = Multipliers::of(monodromy, self.trivial, self.is_conservative);
+        let multipliers = if let Some(monodromy) = monodromy {
+            Multipliers::of(monodromy, self.trivial, self.is_conservative)
+        } else {
+            let found = self.newton.largest(&unknown)?;
+            found.map(|found| Multipliers::largest_of(&found, self.trivial, self.is_conservative))
+        };
         let multipliers = multipliers
             .ok_or(NoOrbit::Chain("the multipliers could not be computed: they are too far apart"))?;
         let energy_j = self.newton.energy_j(&problem, &unknown);

@@ -4,7 +4,6 @@ use nalgebra::DMatrix;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use producer::tangents::NoTangent;
-use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{ScopedJoinHandle, available_parallelism, scope};
@@ -36,15 +35,14 @@ pub(crate) struct Map<'a> {
     pub(crate) stop: &'a AtomicBool,
 }
 
-/// States at the ends of parts of a period, and the derivatives by those at their beginnings.
+/// States at the beginnings and the ends of parts of a period, and the derivatives of these by those, if they were asked for.
 #[derive(Debug)]
 pub(crate) struct Carried {
+    physics: Physics,
+    starts: Vec<ChainState>,
     pub(crate) ends: Vec<Vec<f64>>,
     pub(crate) derivatives: Vec<DMatrix<f64>>,
 }
-
-/// A column of a derivative, with its number.
-type Column = (usize, Vec<f64>);
 
 /// Reason why a state cannot be carried over a period.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -138,6 +136,24 @@ impl Coordinates {
         (0..self.count()).partition(|place| (self.free[*place] / self.beads).is_multiple_of(2))
     }
 
+    /// For each coordinate, the velocity that belongs to a displacement, and the other way round.
+    pub(crate) fn others(&self) -> Vec<usize> {
+        let (u, v) = self.displacements_and_velocities();
+        let mut others = vec![0; self.count()];
+        u.iter().zip(&v).for_each(|(u, v)| (others[*u], others[*v]) = (*v, *u));
+        others
+    }
+
+    /// Kind (displacement, velocity, those of resonators) and bead of each coordinate.
+    pub(crate) fn kinds_and_beads(&self) -> Vec<[usize; 2]> {
+        self.free.iter().map(|place| [place / self.beads, place % self.beads]).collect()
+    }
+
+    /// The change of a chain that is displaced as a whole.
+    pub(crate) fn displacement_of_all(&self) -> Vec<f64> {
+        self.of_numbers(|place| if (place / self.beads).is_multiple_of(2) { 1.0 } else { 0.0 })
+    }
+
     /// Place of the displacement of `bead` among the coordinates, and its unit (m).
     pub(crate) fn displacement(&self, bead: usize) -> Option<(usize, f64)> {
         let place = self.free.iter().position(|place| *place == bead)?;
@@ -160,47 +176,48 @@ impl Map<'_> {
     /// Carries the states `points`, each the beginning of one of so many equal parts of a period, with steps of `dt_s`; with the derivatives if
     /// these are asked for.
     pub(crate) fn carry(&self, dt_s: f64, points: &[Vec<f64>], derive: bool) -> Result<Carried, MapError> {
-        let physics = &Physics { dt_s, ..self.physics.clone() };
-        let chain = &physics.chain();
-        let (count, each) = (self.coordinates.count(), self.steps / points.len() as u64);
-        let start = ChainState::initial(physics);
+        let physics = Physics { dt_s, ..self.physics.clone() };
+        let count = self.coordinates.count();
+        let start = ChainState::initial(&physics);
         let mut state = start.clone();
-        let mut carried = Carried { ends: Vec::new(), derivatives: Vec::new() };
-        for point in points {
+        let mut carried = Carried { physics, starts: Vec::new(), ends: Vec::new(), derivatives: Vec::new() };
+        for (part, point) in points.iter().enumerate() {
             self.coordinates.put(point, &mut state);
+            carried.starts.push(state.clone());
+            let each = self.steps / points.len() as u64;
             if derive {
-                let threads = available_parallelism().map_or(1, usize::from);
-                let columns = count.div_ceil(threads).next_multiple_of(8).max(FEWEST_TANGENTS);
-                let starts: Vec<usize> = (0..count).step_by(columns).collect();
-                let parts = scope(|threads| {
-                    let part = |start: usize| {
-                        let columns = start..count.min(start + columns);
-                        let state = state.clone();
-                        threads.spawn(move || self.part(physics, state, each, columns))
-                    };
-                    let begun: Vec<_> = starts.into_iter().map(part).collect();
-                    begun.into_iter().map(ScopedJoinHandle::join).collect::<Vec<_>>()
-                });
-                let mut derivative = DMatrix::zeros(count, count);
-                for part in parts {
-                    let (end, columns) = part.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-                    for (column, numbers) in columns {
-                        derivative.column_mut(column).copy_from_slice(&numbers);
-                    }
-                    state = end;
-                }
+                let unit = |column| (0..count).map(|place| f64::from(u8::from(place == column))).collect();
+                let units: Vec<Vec<f64>> = (0..count).map(unit).collect();
+                let (end, mut columns) = self.changed(&carried.physics, &state, each, &units)?;
+                self.displace(&mut columns, part + 1 == points.len());
+                let derivative = DMatrix::from_iterator(count, count, columns.into_iter().flatten());
                 carried.derivatives.push(derivative);
+                state = end;
             } else {
-                self.advance(&mut Integrator::new(physics), &mut state, each)?;
+                self.advance(&mut Integrator::new(&carried.physics), &mut state, each)?;
             }
             carried.ends.push(self.coordinates.of_state(&state));
         }
-        let moved = self.moved(&start, &state);
-        if moved > 1e-9 {
+        if self.moved(&start, &state) > 1e-9 {
             return Err(MapError::DriveMoves);
         }
-        self.displace(chain, &mut carried);
+        let last = carried.ends.len() - 1;
+        self.displace(&mut carried.ends[last..], true);
         Ok(carried)
+    }
+
+    /// Changes at the end of a part that was carried, of `changes` at its beginning.
+    pub(crate) fn change(
+        &self,
+        carried: &Carried,
+        part: usize,
+        changes: &[Vec<f64>],
+    ) -> Result<Vec<Vec<f64>>, MapError> {
+        let Carried { physics, starts, .. } = carried;
+        let each = self.steps / starts.len() as u64;
+        let mut changed = self.changed(physics, &starts[part], each, changes)?.1;
+        self.displace(&mut changed, part + 1 == starts.len());
+        Ok(changed)
     }
 
     /// The state after the parts of a period that begin at `points`, each of [`steps`](Self::steps) steps.
@@ -212,21 +229,45 @@ impl Map<'_> {
         Ok(self.coordinates.of_state(&state))
     }
 
-    /// Carries `state` over `steps` steps, with the derivatives by some coordinates.
+    /// Carries `state` over `steps` steps, and `changes` of it, on several threads.
+    fn changed(
+        &self,
+        physics: &Physics,
+        state: &ChainState,
+        steps: u64,
+        changes: &[Vec<f64>],
+    ) -> Result<(ChainState, Vec<Vec<f64>>), MapError> {
+        let threads = available_parallelism().map_or(1, usize::from);
+        let each = changes.len().div_ceil(threads).next_multiple_of(8).max(FEWEST_TANGENTS);
+        let parts = scope(|threads| {
+            let part = |changes| threads.spawn(move || self.part(physics, state.clone(), steps, changes));
+            let begun: Vec<_> = changes.chunks(each).map(part).collect();
+            begun.into_iter().map(ScopedJoinHandle::join).collect::<Vec<_>>()
+        });
+        let (mut end, mut changed) = (state.clone(), Vec::with_capacity(changes.len()));
+        for part in parts {
+            let part = part.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            end = part.0;
+            changed.extend(part.1);
+        }
+        Ok((end, changed))
+    }
+
+    /// Carries `state` over `steps` steps, and `changes` of it.
     fn part(
         &self,
         physics: &Physics,
         mut state: ChainState,
         steps: u64,
-        columns: std::ops::Range<usize>,
-    ) -> Result<(ChainState, Vec<Column>), MapError> {
+        changes: &[Vec<f64>],
+    ) -> Result<(ChainState, Vec<Vec<f64>>), MapError> {
         let Coordinates { free, unit, .. } = self.coordinates;
-        let mut integrator = Integrator::with_tangents(physics, columns.len())?;
+        let mut integrator = Integrator::with_tangents(physics, changes.len())?;
         if let Some(tangents) = integrator.tangents() {
-            for (number, column) in columns.clone().enumerate() {
-                let mut change = vec![0.0; tangents.dimension()];
-                change[free[column]] = unit[column];
-                tangents.set(number, &change);
+            for (number, change) in changes.iter().enumerate() {
+                let mut numbers = vec![0.0; tangents.dimension()];
+                free.iter().zip(unit).zip(change).for_each(|((place, unit), x)| numbers[*place] = x * unit);
+                tangents.set(number, &numbers);
             }
         }
         self.advance(&mut integrator, &mut state, steps)?;
@@ -235,9 +276,9 @@ impl Map<'_> {
             if tangents.has_jumped() {
                 return Err(MapError::Jumps);
             }
-            for (number, column) in columns.enumerate() {
+            for number in 0..changes.len() {
                 let change = tangents.tangent(number);
-                found.push((column, self.coordinates.of_numbers(|place| change[place])));
+                found.push(self.coordinates.of_numbers(|place| change[place]));
             }
         }
         Ok((state, found))
@@ -275,27 +316,17 @@ impl Map<'_> {
         of_beads.chain(of_drives).fold(0.0, f64::max) / unit.first().copied().unwrap_or(1.0)
     }
 
-    /// Displaces the state at the end of the period along the chain.
-    fn displace(&self, chain: &Chain, carried: &mut Carried) {
-        if self.shift_beads == 0 {
+    /// Displaces states or changes along the chain, if they are those at the end of the period.
+    fn displace(&self, all: &mut [Vec<f64>], is_at_end: bool) {
+        if self.shift_beads == 0 || !is_at_end {
             return;
         }
-        let from = self.coordinates.displaced(self.shift_beads, chain.is_ring);
+        let from = self.coordinates.displaced(self.shift_beads, self.physics.chain().is_ring);
         // beads of other masses have other units
         let unit = &self.coordinates.unit;
-        let factor = |to: usize| from[to].map(|from| (from, unit[from] / unit[to]));
-        if let Some(end) = carried.ends.last_mut() {
-            let at = |to| factor(to).map_or(0.0, |(from, factor)| end[from] * factor);
-            *end = (0..end.len()).map(at).collect();
-        }
-        if let Some(derivative) = carried.derivatives.last_mut() {
-            let rows = derivative.clone();
-            for to in 0..from.len() {
-                match factor(to) {
-                    Some((from, factor)) => derivative.set_row(to, &(rows.row(from) * factor)),
-                    None => derivative.row_mut(to).fill(0.0),
-                }
-            }
+        for numbers in all {
+            let at = |to: usize| from[to].map_or(0.0, |from| numbers[from] * (unit[from] / unit[to]));
+            *numbers = (0..from.len()).map(at).collect();
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Multipliers of an orbit: growth of small changes over a period.
 
 use crate::eigenvalues::eigenvalues;
+use crate::newton::Largest;
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
@@ -43,13 +44,23 @@ impl Instability {
     }
 }
 
-/// The multipliers of an orbit, by descending size.
+/// The multipliers of an orbit, by descending size: all, or of a long chain the largest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Multipliers {
-    all: Vec<Multiplier>,
+    found: Vec<Multiplier>,
+    limit: Option<Limit>,
     /// Places of those that any such chain has: 1, for the directions in which an orbit is displaced or goes over into others.
     trivial: Vec<usize>,
     is_conservative: bool,
+}
+
+/// The extent to which multipliers are found, where they are not all.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Limit {
+    /// Size above which they are all, but for one in which hardly any change has a part.
+    pub above: f64,
+    /// Largest residual `|M·x − μ·x|/|x|`.
+    pub residual: f64,
 }
 
 impl Multiplier {
@@ -82,24 +93,54 @@ impl Multiplier {
 impl Multipliers {
     /// Those of the derivative `monodromy` of the map of a period, of which so many are 1 by symmetry; none if they cannot be found.
     pub(crate) fn of(monodromy: DMatrix<f64>, trivial: usize, is_conservative: bool) -> Option<Self> {
-        let count = monodromy.nrows();
-        let all = eigenvalues(monodromy)?.into_iter();
-        let mut all: Vec<Multiplier> = all.map(|[re, im]| Multiplier { re, im }).collect();
-        all.sort_by(|a, b| b.size().total_cmp(&a.size()).then(b.im.total_cmp(&a.im)));
-        let mut near: Vec<usize> = (0..count).collect();
-        near.sort_by(|a, b| all[*a].from(1.0, 0.0).total_cmp(&all[*b].from(1.0, 0.0)));
-        near.truncate(trivial);
-        Some(Self { all, trivial: near, is_conservative })
+        let found = eigenvalues(monodromy)?.into_iter().map(|[re, im]| Multiplier { re, im });
+        Some(Self::sorted(found.collect(), None, (trivial, f64::INFINITY), is_conservative))
     }
 
-    /// All, by descending size.
-    pub fn all(&self) -> &[Multiplier] {
-        &self.all
+    /// The largest, of which up to so many are 1 by symmetry.
+    pub(crate) fn largest_of(largest: &Largest, trivial: usize, is_conservative: bool) -> Self {
+        let Largest { found, above, from_one } = largest;
+        let residual = found.iter().map(|one| one.residual).fold(0.0, f64::max);
+        let found = found.iter().map(|one| Multiplier { re: one.value.re, im: one.value.im });
+        let limit = Some(Limit { above: *above, residual });
+        Self::sorted(found.collect(), limit, (trivial, *from_one), is_conservative)
+    }
+
+    /// Those `found`, of which up to so many that are so near 1 are it by symmetry.
+    fn sorted(
+        mut found: Vec<Multiplier>,
+        limit: Option<Limit>,
+        (trivial, from_one): (usize, f64),
+        is_conservative: bool,
+    ) -> Self {
+        found.sort_by(|a, b| b.size().total_cmp(&a.size()).then(b.im.total_cmp(&a.im)));
+        let away = |place: &usize| found[*place].from(1.0, 0.0);
+        let mut near: Vec<usize> = (0..found.len()).filter(|place| away(place) <= from_one).collect();
+        near.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        near.truncate(trivial);
+        Self { found, limit, trivial: near, is_conservative }
+    }
+
+    /// Those that are found, by descending size: all, unless there is a [`limit`](Self::limit).
+    pub fn found(&self) -> &[Multiplier] {
+        &self.found
+    }
+
+    /// The extent to which they are found; none if they are all.
+    pub fn limit(&self) -> Option<Limit> {
+        self.limit
+    }
+
+    /// True if none is outside of the unit circle; nothing if none is found there, and there may be one.
+    pub fn is_stable(&self) -> Option<bool> {
+        let is_stable = self.unstable().next().is_none();
+        let is_known = !is_stable || self.limit.is_none_or(|limit| limit.above <= 1.0 + ON_CIRCLE);
+        is_known.then_some(is_stable)
     }
 
     /// Those that are not 1 by symmetry, by descending size.
     pub fn telling(&self) -> impl Iterator<Item = Multiplier> {
-        self.all.iter().enumerate().filter(|(place, _)| !self.trivial.contains(place)).map(|(_, one)| *one)
+        self.found.iter().enumerate().filter(|(place, _)| !self.trivial.contains(place)).map(|(_, one)| *one)
     }
 
     /// The largest of those that are not 1 by symmetry.
@@ -134,7 +175,11 @@ impl Multipliers {
     }
 
     /// A number that passes through 0, smoothly in a parameter, where the orbit gains or loses the instability `kind` by a multiplier like `like`.
+    /// None if those that pass are not found.
     pub(crate) fn test(&self, kind: Instability, like: Multiplier) -> Option<f64> {
+        if self.limit.is_some_and(|limit| limit.above > 1.0) {
+            return None;
+        }
         let nearest = |re: f64, im: f64| {
             let mut all: Vec<Multiplier> = self.telling().collect();
             all.sort_by(|a, b| a.from(re, im).total_cmp(&b.from(re, im)));

@@ -8,7 +8,12 @@
 //! A chain that conserves energy and begins without velocities goes back the way that it came. Then displacements alone are unknown,
 //! and velocities are made nothing after half of the period, which is a turning point, too.
 
+mod band;
 mod equations;
+mod krylov;
+mod products;
+
+pub(crate) use products::Largest;
 
 use crate::map::{Carried, Coordinates, Map, MapError, norm};
 use nalgebra::{DMatrix, DVector};
@@ -69,8 +74,8 @@ pub struct Unknown {
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
     pub(crate) unknown: Unknown,
-    /// The derivative of the map of a period.
-    pub(crate) monodromy: DMatrix<f64>,
+    /// The derivative of the map of a period, if it is made.
+    pub(crate) monodromy: Option<DMatrix<f64>>,
     /// Residual at the beginning of each Newton step, and the last one.
     pub(crate) residuals: Vec<f64>,
 }
@@ -135,6 +140,8 @@ pub(crate) struct Newton<'a> {
     /// Periods of the problem in one of the orbit.
     pub(crate) periods: u64,
     pub(crate) shift_beads: u64,
+    /// True if matrices are made, false if vectors are only multiplied by them.
+    pub(crate) is_dense: bool,
     /// Set when the search is to be given up.
     pub(crate) stop: &'a AtomicBool,
     /// Coordinates that are unknown, and those whose gaps are made nothing: as many.
@@ -154,12 +161,14 @@ pub(crate) struct Newton<'a> {
 
 /// The equations at some numbers, and their derivatives.
 struct Linear {
+    problem: Problem,
+    unknown: Unknown,
     carried: Carried,
     /// Distances that the parts leave.
     gaps: Vec<Vec<f64>>,
     /// Distance that all leave together.
     gap: DVector<f64>,
-    monodromy: DMatrix<f64>,
+    monodromy: Option<DMatrix<f64>>,
     /// By the step and the parameter, where these are unknown.
     by: Vec<By>,
     /// Further equations: by the coordinates, by the step and the parameter, and the value.
@@ -305,7 +314,7 @@ impl Newton<'_> {
     /// The equations at `unknown`; with the parameter as an unknown if `plane` is told.
     fn linear(&self, unknown: &Unknown, plane: Option<&Plane>) -> Result<Linear, NoOrbit> {
         let (problem, unknown) = self.at(unknown, unknown.parameter)?;
-        let carried = self.map(&problem).carry(unknown.dt_s, &unknown.points, true)?;
+        let carried = self.map(&problem).carry(unknown.dt_s, &unknown.points, self.is_dense)?;
         let asked = self.asked(&problem, &unknown);
         let mut by = Vec::new();
         let (mut asked_by, mut plane_by) = (Vec::new(), Vec::new());
@@ -313,7 +322,7 @@ impl Newton<'_> {
         if asked.is_some() {
             let change = CHANGE * unknown.dt_s / self.units[0];
             let changed = [1.0, -1.0].map(|sign| (&problem, unknown.dt_s + sign * change * self.units[0]));
-            by.push(self.difference(Number::Step, &unknown, &carried, (change, changed))?);
+            by.push(self.difference(Number::Step, (&problem, &unknown), &carried, (change, changed))?);
             asked_by.push(0.0);
             plane_by.extend(plane.map(|plane| plane.normal[count]));
         }
@@ -321,7 +330,7 @@ impl Newton<'_> {
             let changed = |sign: f64| self.at(&unknown, unknown.parameter + sign * CHANGE * self.units[1]);
             let ((problem_up, up), (problem_down, down)) = (changed(1.0)?, changed(-1.0)?);
             let ends = [(&problem_up, up.dt_s), (&problem_down, down.dt_s)];
-            by.push(self.difference(Number::Parameter, &unknown, &carried, (CHANGE, ends))?);
+            by.push(self.difference(Number::Parameter, (&problem, &unknown), &carried, (CHANGE, ends))?);
             let slope = |up: f64, down: f64| (up - down) / (2.0 * CHANGE);
             let of = |problem, unknown| self.asked(problem, unknown).unwrap_or(0.0);
             if asked.is_some() {
@@ -341,9 +350,9 @@ impl Newton<'_> {
         if let (Some(plane), Some(value)) = (plane, off_plane) {
             further.push((plane.normal[..count].to_vec(), plane_by, value));
         }
-        let gap = together(&carried, &gaps);
+        let gap = self.together(&problem, &carried, &gaps)?;
         let monodromy = product(&carried.derivatives);
-        Ok(Linear { carried, gaps, gap, monodromy, by, further, residual })
+        Ok(Linear { problem, unknown, carried, gaps, gap, monodromy, by, further, residual })
     }
 
     /// Derivatives of the ends of the parts, and of all together, by a number: from chains and steps (s) in which it is larger, and smaller, by
@@ -351,7 +360,7 @@ impl Newton<'_> {
     fn difference(
         &self,
         number: Number,
-        unknown: &Unknown,
+        (problem, unknown): (&Problem, &Unknown),
         carried: &Carried,
         (change, changed): (f64, [(&Problem, f64); 2]),
     ) -> Result<By, NoOrbit> {
@@ -361,8 +370,37 @@ impl Newton<'_> {
             up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * change)).collect()
         };
         let parts: Vec<Vec<f64>> = up.iter().zip(&down).map(of).collect();
-        let all = together(carried, &parts);
+        let all = self.together(problem, carried, &parts)?;
         Ok(By { number, parts, all })
+    }
+
+    /// A change at the end of a part, of `change` at its beginning.
+    fn times(
+        &self,
+        problem: &Problem,
+        carried: &Carried,
+        part: usize,
+        change: DVector<f64>,
+    ) -> Result<DVector<f64>, NoOrbit> {
+        if let Some(derivative) = carried.derivatives.get(part) {
+            return Ok(derivative * change);
+        }
+        let changed = self.map(problem).change(carried, part, &[change.data.into()])?;
+        Ok(DVector::from_vec(changed.concat()))
+    }
+
+    /// Changes at the ends of all parts, as they come to the end of the last one.
+    fn together(
+        &self,
+        problem: &Problem,
+        carried: &Carried,
+        parts: &[Vec<f64>],
+    ) -> Result<DVector<f64>, NoOrbit> {
+        let mut all = DVector::from_column_slice(&parts[0]);
+        for (part, change) in parts.iter().enumerate().skip(1) {
+            all = self.times(problem, carried, part, all)? + DVector::from_column_slice(change);
+        }
+        Ok(all)
     }
 
     /// Finds the orbit near `start`, on `plane` if it is told.
@@ -375,12 +413,12 @@ impl Newton<'_> {
             residuals.push(before);
             let falls = residuals.iter().rev().nth(2).is_none_or(|earlier| before < 0.5 * earlier);
             if before <= TOLERANCE || before <= TAKEN && !falls {
-                let monodromy =
-                    if self.turns { self.there_and_back(&linear.monodromy) } else { linear.monodromy };
+                let monodromy = linear.monodromy;
+                let monodromy = monodromy.map(|it| if self.turns { self.there_and_back(&it) } else { it });
                 return Ok(Found { unknown, monodromy, residuals });
             }
             let step = self.solve(&linear, None)?;
-            let Some(next) = self.damped(&unknown, &linear, &step, plane) else {
+            let Some(next) = self.damped(&unknown, &linear, &step, plane)? else {
                 return Err(NoOrbit::Stuck { residuals });
             };
             unknown = self.at(&next, next.parameter)?.1;
@@ -395,18 +433,18 @@ impl Newton<'_> {
         linear: &Linear,
         step: &DVector<f64>,
         plane: Option<&Plane>,
-    ) -> Option<Unknown> {
+    ) -> Result<Option<Unknown>, NoOrbit> {
         let before = linear.residual;
         let (mut length, mut nearest) = (1.0, None);
         for _ in 0..=MOST_HALVINGS {
-            let next = self.moved(unknown, linear, step, length);
+            let next = self.moved(unknown, linear, step, length)?;
             if before < 1e-6 {
                 // near an orbit rounding decides, and a whole step does no harm
-                return Some(next);
+                return Ok(Some(next));
             }
             if let Ok(after) = self.residual(&next, plane) {
                 if after < (1.0 - 0.25 * length) * before {
-                    return Some(next);
+                    return Ok(Some(next));
                 }
                 if nearest.as_ref().is_none_or(|(least, _)| after < *least) {
                     nearest = Some((after, next));
@@ -414,21 +452,16 @@ impl Newton<'_> {
             }
             length *= 0.5;
         }
-        nearest.map(|(_, next)| next)
+        Ok(nearest.map(|(_, next)| next))
     }
 
     /// The derivative of the map of a period whose second half is the first one backwards, from that of the half: with velocities turned round,
     /// the inverse of a symplectic matrix.
     fn there_and_back(&self, half: &DMatrix<f64>) -> DMatrix<f64> {
-        let (u, v) = (&self.unknown, &self.closed);
-        let count = u.len();
-        // where a velocity stands for a displacement, and the other way round
-        let mut other = vec![0; 2 * count];
-        for (u, v) in u.iter().zip(v) {
-            (other[*u], other[*v]) = (*v, *u);
-        }
+        let other = self.coordinates.others();
         // ρ·M⁻¹·ρ with M⁻¹ = −J·Mᵀ·J: the two turns leave no sign
-        let back = DMatrix::from_fn(2 * count, 2 * count, |row, column| half[(other[column], other[row])]);
+        let back =
+            DMatrix::from_fn(other.len(), other.len(), |row, column| half[(other[column], other[row])]);
         back * half
     }
 
@@ -451,7 +484,7 @@ impl Newton<'_> {
 
     /// The direction of `step` from `unknown`: of length 1.
     fn way(&self, unknown: &Unknown, linear: Linear, step: &DVector<f64>) -> Result<Vec<f64>, NoOrbit> {
-        let next = self.moved(unknown, &Linear { gaps: Vec::new(), ..linear }, step, 1.0);
+        let next = self.moved(unknown, &Linear { gaps: Vec::new(), ..linear }, step, 1.0)?;
         let next = self.at(&next, next.parameter)?.1;
         let (from, to) = (self.numbers(unknown), self.numbers(&next));
         let difference: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
@@ -473,7 +506,13 @@ impl Newton<'_> {
     }
 
     /// `unknown`, moved by `length` times `step`.
-    fn moved(&self, unknown: &Unknown, linear: &Linear, step: &DVector<f64>, length: f64) -> Unknown {
+    fn moved(
+        &self,
+        unknown: &Unknown,
+        linear: &Linear,
+        step: &DVector<f64>,
+        length: f64,
+    ) -> Result<Unknown, NoOrbit> {
         let count = self.unknown.len();
         let by: Vec<(&By, f64)> =
             linear.by.iter().zip(step.rows(count, linear.by.len()).iter().copied()).collect();
@@ -482,7 +521,10 @@ impl Newton<'_> {
         self.unknown.iter().zip(step.iter()).for_each(|(place, x)| change[*place] = *x);
         for (part, point) in next.points.iter_mut().enumerate() {
             point.iter_mut().zip(change.iter()).for_each(|(x, change)| *x += length * change);
-            change = &linear.carried.derivatives[part] * &change;
+            if part + 1 == unknown.points.len() {
+                break;
+            }
+            change = self.times(&linear.problem, &linear.carried, part, change)?;
             for (by, step) in &by {
                 change.iter_mut().zip(&by.parts[part]).for_each(|(change, x)| *change += x * step);
             }
@@ -496,7 +538,7 @@ impl Newton<'_> {
                 Number::Parameter => next.parameter += length * step * self.units[1],
             }
         }
-        next
+        Ok(next)
     }
 }
 
@@ -504,20 +546,11 @@ fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// The derivative of all parts together.
-fn product(derivatives: &[DMatrix<f64>]) -> DMatrix<f64> {
-    let mut all = derivatives[0].clone();
+/// The derivative of all parts together, if they are known.
+fn product(derivatives: &[DMatrix<f64>]) -> Option<DMatrix<f64>> {
+    let mut all = derivatives.first()?.clone();
     for derivative in &derivatives[1..] {
         all = derivative * all;
     }
-    all
-}
-
-/// Changes at the ends of all parts, as they come to the end of the last one.
-fn together(carried: &Carried, parts: &[Vec<f64>]) -> DVector<f64> {
-    let mut all = DVector::zeros(parts[0].len());
-    for (derivative, part) in carried.derivatives.iter().zip(parts) {
-        all = derivative * all + DVector::from_column_slice(part);
-    }
-    all
+    Some(all)
 }

@@ -18,6 +18,8 @@ const COLUMNS: [&str; 6] =
     ["period_s", "energy_j", "amplitude_m", "largest_multiplier", "unstable", "returns"];
 /// Names of points on a map that have no name of an instability.
 pub const STABLE: &str = "stable";
+/// The same where not all multipliers are found.
+const NONE_FOUND: &str = "stable as far as known";
 /// The same without an orbit.
 pub const NOT_FOUND: &str = "no orbit found";
 /// Places of these among the columns of a branch.
@@ -78,8 +80,14 @@ pub fn map_row([across, along]: [f64; 2], found: Option<&Orbit>) -> Vec<Cell> {
         return start.chain(empty).chain([Cell::Word(NOT_FOUND.to_owned())]).collect();
     };
     let angle = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
-    let way = orbit.multipliers.unstable().next().map_or(STABLE, |one| orbit.multipliers.kind(one).as_str());
-    [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, Cell::Word(way.to_owned())]).collect()
+    let way = Cell::Word(way(&orbit.multipliers).to_owned());
+    [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, way]).collect()
+}
+
+/// The name of the way in which an orbit with these is unstable, or that it is stable.
+pub fn way(found: &Multipliers) -> &'static str {
+    let is_stable = if found.is_stable().is_some() { STABLE } else { NONE_FOUND };
+    found.unstable().next().map_or(is_stable, |one| found.kind(one).as_str())
 }
 
 /// The name in a row of such a map.
@@ -114,7 +122,7 @@ pub fn map(
     };
     let sizes = || map.values.iter().map(|point| point[2]).filter(|size| size.is_finite());
     let scale = ColourScale::new(&map.columns[2], sizes().fold(0.0, f64::min), sizes().fold(0.0, f64::max));
-    let is_stable: Vec<bool> = rows.iter().map(|row| stability(row) == STABLE).collect();
+    let is_stable: Vec<bool> = rows.iter().map(|row| stability(row).starts_with(STABLE)).collect();
     let limit = Curve::line("limit of stability", map.border(&is_stable)).colour(Colour::Black);
     let missed = rows.iter().filter(|row| stability(row) == NOT_FOUND).count();
     let panel = map.panel(scale, &format!("no orbit found ({missed})"))?;

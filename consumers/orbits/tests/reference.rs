@@ -24,7 +24,7 @@ fn quantity(orbit: &Orbit, name: &str) -> f64 {
     match words[0] {
         "period" => orbit.period_s(),
         "energy" => orbit.energy_j,
-        "multiplier" => orbit.multipliers.all()[index() - 1].size(),
+        "multiplier" => orbit.multipliers.found()[index() - 1].size(),
         "bead" if words[2] == "velocity" => orbit.state.v_m_s[index()],
         "bead" => orbit.state.u_m[index()],
         other => panic!("no quantity {other}"),

@@ -104,7 +104,7 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                     assert!(orbit.returns < most, "{what}: {:?}", orbit.returns);
                     let mut expected: Vec<f64> =
                         modes.omega_rad_s().iter().flat_map(|omega| [(omega * period_s).cos(); 2]).collect();
-                    let mut found: Vec<f64> = orbit.multipliers.all().iter().map(|one| one.re).collect();
+                    let mut found: Vec<f64> = orbit.multipliers.found().iter().map(|one| one.re).collect();
                     expected.sort_by(f64::total_cmp);
                     found.sort_by(f64::total_cmp);
                     assert_eq!(found.len(), expected.len(), "{what}");
@@ -140,7 +140,7 @@ fn parts_of_a_period_change_no_multiplier() {
                 "orbit = {{ amplitude_m = 2e-6, steps = 400, segments = {segments}, mode = {{ number = 5, displacement_m = 2e-6 }} }}"
             );
             let orbit = find(&file(5, kind, "fixed", "rkn4", &orbit));
-            let mut sizes: Vec<_> = orbit.multipliers.all().iter().map(|one| (one.size(), one.re)).collect();
+            let mut sizes: Vec<_> = orbit.multipliers.found().iter().map(|one| (one.size(), one.re)).collect();
             sizes.sort_by(|a, b| a.1.total_cmp(&b.1));
             (orbit.period_s(), sizes)
         });

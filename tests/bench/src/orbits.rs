@@ -19,10 +19,19 @@ orbit = { amplitude_m = 0.02, mode = { number = 42, displacement_m = 0.02 } }
 const BRANCH: &str =
     "continue = { key = 'orbit.amplitude_m', from = 0.02, to = 5.0, step = 0.002, most = 100 }\n";
 
+/// A breather at a light bead of a chain so long that no matrix is made.
+const LONG: &str = "\
+chain = { beads = 2000, bead_mass_kg = 1.0, alpha = 1.5, stiffness = 1.0, impurities = [{ bead = 1000, mass_kg = 0.2 }] }
+ends = { left = 'fixed', right = 'fixed' }
+load = { precompression_n = 1.0 }
+orbit = { amplitude_m = 0.2, mode = { number = 2000, displacement_m = 0.1 } }
+";
+
 pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     let directory = bench.directory.path();
     for (what, text, limit, most_s) in [
         ("a breather of 81 beads and its multipliers", BREATHER.to_owned(), "2 s", 2),
+        ("a breather of 2000 beads and its largest multipliers", LONG.to_owned(), "5 s", 5),
         ("a branch of 100 of them", format!("{BREATHER}{BRANCH}"), "2 min", 120),
     ] {
         let (file, out) = (directory.join("orbit.toml"), directory.join("orbit"));

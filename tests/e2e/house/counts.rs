@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 14_990),
+    ("the command", 15_010),
     ("schemas", 9_265),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
@@ -20,7 +20,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("consumers/experiments", 1_615),
     ("consumers/exports", 950),
     ("consumers/figure", 3_120),
-    ("consumers/orbits", 2_335),
+    ("consumers/orbits", 2_910),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_480),
     ("consumers/screen", 700),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 79_840;
+const MOST_LINES: usize = 80_520;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

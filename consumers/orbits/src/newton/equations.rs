@@ -17,12 +17,14 @@ impl Newton<'_> {
     ) -> Result<Vec<f64>, NoOrbit> {
         let plane = Plane { normal: along, through: self.numbers(unknown) };
         let linear = self.linear(unknown, Some(&plane))?;
-        let borders = if self.symmetries > 0 {
-            self.borders(&self.equations(&self.linear(regular, None)?))?
-        } else {
-            self.borders(&self.equations(&linear))?
+        let beside = if self.symmetries > 0 { Some(self.linear(regular, None)?) } else { None };
+        let regular = beside.as_ref().unwrap_or(&linear);
+        let (Some(monodromy), Some(regular)) = (&linear.monodromy, &regular.monodromy) else {
+            let why = "it would be found by all multipliers, which are made for chains of up to 1000 beads (500 with resonators)";
+            return Err(NoOrbit::Branch(why));
         };
-        let matrix = self.matrix(&linear, &borders);
+        let borders = self.borders(&self.equations(regular))?;
+        let matrix = self.matrix(&linear, monodromy, &borders);
         let singular = NoOrbit::NotUnique { symmetries: self.symmetries };
         let lost = lost(&matrix, 2).ok_or(singular.clone())?;
         let left = (&matrix * &lost).svd(false, true);
@@ -39,11 +41,11 @@ impl Newton<'_> {
     }
 
     /// The equations by the unknown coordinates.
-    fn equations(&self, linear: &Linear) -> DMatrix<f64> {
+    fn equations(&self, monodromy: &DMatrix<f64>) -> DMatrix<f64> {
         let count = self.unknown.len();
         DMatrix::from_fn(count, count, |row, column| {
             let (row, column) = (self.closed[row], self.unknown[column]);
-            linear.monodromy[(row, column)] - if row == column { 1.0 } else { 0.0 }
+            monodromy[(row, column)] - if row == column { 1.0 } else { 0.0 }
         })
     }
 
@@ -59,37 +61,45 @@ impl Newton<'_> {
     }
 
     /// The changes that are asked for at the end of a period.
-    fn closed(&self, all: &DVector<f64>) -> DVector<f64> {
+    pub(super) fn closed(&self, all: &DVector<f64>) -> DVector<f64> {
         DVector::from_iterator(self.closed.len(), self.closed.iter().map(|row| all[*row]))
     }
 
     /// The equations by all unknowns, with `borders`, and the further equations.
-    fn matrix(&self, linear: &Linear, [left, right]: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
-        let (count, by, symmetries) = (self.unknown.len(), linear.by.len(), self.symmetries);
-        let size = count + by + symmetries;
-        let mut matrix = DMatrix::zeros(size, size);
-        matrix.view_mut((0, 0), (count, count)).copy_from(&self.equations(linear));
-        for (column, by) in linear.by.iter().enumerate() {
-            matrix.view_mut((0, count + column), (count, 1)).copy_from(&self.closed(&by.all));
-        }
-        matrix.view_mut((0, count + by), (count, symmetries)).copy_from(left);
-        matrix.view_mut((count, 0), (symmetries, count)).copy_from(right);
-        for (row, (by_coordinates, by_others, _)) in linear.further.iter().enumerate() {
-            let row = count + symmetries + row;
-            self.unknown
-                .iter()
-                .enumerate()
-                .for_each(|(column, place)| matrix[(row, column)] = by_coordinates[*place]);
-            by_others.iter().enumerate().for_each(|(other, by)| matrix[(row, count + other)] = *by);
-        }
+    fn matrix(&self, linear: &Linear, monodromy: &DMatrix<f64>, borders: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
+        let (count, [columns, rows]) = (self.unknown.len(), self.further(linear, borders));
+        let mut matrix = DMatrix::zeros(rows.ncols(), rows.ncols());
+        matrix.view_mut((0, 0), (count, count)).copy_from(&self.equations(monodromy));
+        matrix.columns_range_mut(count..).rows_range_mut(..count).copy_from(&columns);
+        matrix.rows_range_mut(count..).copy_from(&rows);
         matrix
+    }
+
+    /// The columns of the equations behind those of the coordinates, and the rows below, with `borders` and the further equations.
+    pub(super) fn further(&self, linear: &Linear, [left, right]: &[DMatrix<f64>; 2]) -> [DMatrix<f64>; 2] {
+        let (count, by, symmetries) = (self.unknown.len(), linear.by.len(), self.symmetries);
+        let mut columns = DMatrix::zeros(count, by + symmetries);
+        for (column, by) in linear.by.iter().enumerate() {
+            columns.set_column(column, &self.closed(&by.all));
+        }
+        columns.columns_range_mut(by..).copy_from(left);
+        let mut rows = DMatrix::zeros(by + symmetries, count + by + symmetries);
+        rows.view_mut((0, 0), (symmetries, count)).copy_from(right);
+        for (row, (by_coordinates, by_others, _)) in linear.further.iter().enumerate() {
+            let row = symmetries + row;
+            for (column, place) in self.unknown.iter().enumerate() {
+                rows[(row, column)] = by_coordinates[*place];
+            }
+            by_others.iter().enumerate().for_each(|(other, by)| rows[(row, count + other)] = *by);
+        }
+        [columns, rows]
     }
 
     /// Solves the equations for a Newton step; or, with `along`, for a move by that much off the plane, on which nothing else changes.
     pub(super) fn solve(&self, linear: &Linear, along: Option<f64>) -> Result<DVector<f64>, NoOrbit> {
         let singular = NoOrbit::NotUnique { symmetries: self.symmetries };
-        let matrix = self.matrix(linear, &self.borders(&self.equations(linear))?);
-        let (count, size) = (self.unknown.len(), matrix.nrows());
+        let count = self.unknown.len();
+        let size = count + self.symmetries + linear.further.len();
         let mut right_side = DVector::zeros(size);
         if let Some(along) = along {
             right_side[size - 1] = along;
@@ -99,6 +109,12 @@ impl Newton<'_> {
                 right_side[count + self.symmetries + row] = -value;
             }
         }
+        let Some(monodromy) = &linear.monodromy else {
+            // a step need be no better than the point that it leads to
+            let tolerance = if along.is_some() { 0.0 } else { 0.1 * linear.residual };
+            return self.solve_by_products(linear, &right_side, tolerance);
+        };
+        let matrix = self.matrix(linear, monodromy, &self.borders(&self.equations(monodromy))?);
         let solved = LU::new(matrix).solve(&right_side).ok_or(singular.clone())?;
         if solved.iter().all(|x| x.is_finite()) { Ok(solved) } else { Err(singular) }
     }

@@ -3,7 +3,7 @@
 
 use orbits::branch::{Change, End};
 use orbits::file::File;
-use orbits::{NoOrbit, Orbit, Search};
+use orbits::{NoOrbit, Options, Orbit, Search};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -27,9 +27,15 @@ pub(crate) fn read(toml: &str) -> File {
 
 /// The orbit that a file asks for, or the reason why there is none.
 pub(crate) fn tried(toml: &str) -> Result<Orbit, NoOrbit> {
+    tried_by(toml, None)
+}
+
+/// The same, by matrices of up to so many coordinates.
+pub(crate) fn tried_by(toml: &str, most_dense: Option<usize>) -> Result<Orbit, NoOrbit> {
     let file = read(toml);
     let family = |parameter: f64| file.problem(parameter);
-    Search::begin(&family, file.from(), file.options(), &STOP)?.find()
+    let options = Options { most_dense, ..file.options() };
+    Search::begin(&family, file.from(), options, &STOP)?.find()
 }
 
 pub(crate) fn find(toml: &str) -> Orbit {
@@ -43,11 +49,21 @@ pub(crate) fn follow(toml: &str) -> Branch {
 
 /// The same, and the orbits of each branch that is born at the first of these changes.
 pub(crate) fn with_born(toml: &str) -> (Branch, Vec<Vec<Orbit>>) {
+    let (branch, born) = with_born_by(toml, None);
+    (branch, born.unwrap_or_else(|error| panic!("{error}\n{toml}")))
+}
+
+/// The same by matrices of up to so many coordinates, or the reason why no branches are found.
+pub(crate) fn with_born_by(
+    toml: &str,
+    most_dense: Option<usize>,
+) -> (Branch, Result<Vec<Vec<Orbit>>, NoOrbit>) {
     let file = read(toml);
     let family = |parameter: f64| file.problem(parameter);
+    let options = Options { most_dense, ..file.options() };
     let (_, stretch) = file.stretch().expect("a branch");
     let search =
-        Search::begin(&family, file.from(), file.options(), &STOP).unwrap_or_else(|error| panic!("{error}"));
+        Search::begin(&family, file.from(), options, &STOP).unwrap_or_else(|error| panic!("{error}"));
     let search = search.along(&stretch);
     let (mut last, mut changes) = (None, Vec::new());
     let end = search.follow(&stretch, None, |step, orbit| {
@@ -63,7 +79,10 @@ pub(crate) fn with_born(toml: &str) -> (Branch, Vec<Vec<Orbit>>) {
     assert_eq!(end, Ok(End::Reached), "{toml}");
     let mut born = Vec::new();
     if file.has_branches() {
-        let beginnings = search.born(&changes[0], &stretch).unwrap_or_else(|error| panic!("{error}\n{toml}"));
+        let beginnings = match search.born(&changes[0], &stretch) {
+            Ok(beginnings) => beginnings,
+            Err(why) => return (Branch { last: last.expect("an orbit").1, changes }, Err(why)),
+        };
         for beginning in &beginnings {
             let mut orbits = Vec::new();
             let end = search.of_branch(beginning).follow(&stretch, None, |_, orbit| {
@@ -74,5 +93,5 @@ pub(crate) fn with_born(toml: &str) -> (Branch, Vec<Vec<Orbit>>) {
             born.push(orbits);
         }
     }
-    (Branch { last: last.expect("an orbit").1, changes }, born)
+    (Branch { last: last.expect("an orbit").1, changes }, Ok(born))
 }
