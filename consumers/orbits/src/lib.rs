@@ -23,6 +23,7 @@
 pub mod branch;
 mod eigenvalues;
 pub mod file;
+mod krylov;
 mod map;
 pub mod multipliers;
 pub mod newton;

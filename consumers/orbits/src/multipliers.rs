@@ -1,7 +1,7 @@
 //! Multipliers of an orbit: growth of small changes over a period.
 
 use crate::eigenvalues::eigenvalues;
-use crate::newton::Largest;
+use crate::krylov::Largest;
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 

@@ -10,10 +10,7 @@
 
 mod band;
 mod equations;
-mod krylov;
 mod products;
-
-pub(crate) use products::Largest;
 
 use crate::map::{Carried, Coordinates, Map, MapError, norm};
 use nalgebra::{DMatrix, DVector};

@@ -8,8 +8,8 @@
 //! A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Math. Appl. 13 (1974) 117, doi:10.1093/imamat/13.1.117, for many columns from one product.
 
 use super::band::Band;
-use super::krylov::{Ritz, arnoldi, gmres};
 use super::{Linear, Newton, NoOrbit, Problem, Unknown};
+use crate::krylov::{Largest, Ritz, arnoldi, gmres};
 use crate::map::{Carried, Map};
 use crate::multipliers::ON_CIRCLE;
 use nalgebra::{DMatrix, DVector};
@@ -36,15 +36,6 @@ const SAME: f64 = 1e-6;
 const FORWARD: f64 = 1e-3;
 /// Size of multipliers that are outside of the unit circle.
 const OUTSIDE: f64 = 1.0 + ON_CIRCLE;
-
-/// Multipliers that products find.
-pub(crate) struct Largest {
-    pub(crate) found: Vec<Ritz>,
-    /// Size above which they are all.
-    pub(crate) above: f64,
-    /// Distance from 1 of those that are 1 by symmetry.
-    pub(crate) from_one: f64,
-}
 
 /// A derivative nearly: its numbers with rows and columns in the order of the beads, and the numbers of these in that of the coordinates.
 struct Nearly {

@@ -54,7 +54,7 @@ impl Krylov {
 
 /// Solves `A·x = b` for the matrix that `times` multiplies by, to a residual of `tolerance` over the size of `b`, in at most `most` products.
 /// Gives the residual that is left, too.
-pub(super) fn gmres<E>(
+pub(crate) fn gmres<E>(
     mut times: impl FnMut(&DVector<f64>) -> Result<DVector<f64>, E>,
     b: &DVector<f64>,
     most: usize,
@@ -104,7 +104,7 @@ pub(crate) struct Ritz {
 
 /// Eigenvalues of the matrix that `times` multiplies by, on the space of `first` and at most `most` products, as soon as
 /// `is_enough` says so: as many as products.
-pub(super) fn arnoldi<E>(
+pub(crate) fn arnoldi<E>(
     mut times: impl FnMut(&DVector<f64>) -> Result<DVector<f64>, E>,
     first: &DVector<f64>,
     most: usize,
@@ -127,14 +127,23 @@ pub(super) fn arnoldi<E>(
     }
 }
 
+/// Multipliers of an orbit that products find.
+pub(crate) struct Largest {
+    pub(crate) found: Vec<Ritz>,
+    /// Size above which they are all.
+    pub(crate) above: f64,
+    /// Distance from 1 of those that are 1 by symmetry.
+    pub(crate) from_one: f64,
+}
+
 impl Ritz {
     /// True if it is as good as found.
-    pub(super) fn is_found(&self) -> bool {
+    pub(crate) fn is_found(&self) -> bool {
         self.residual <= FOUND * self.value.norm().max(1.0)
     }
 
     /// The eigenvalue of a matrix of this size, of whose inverse without `centre` this is one.
-    pub(super) fn of_inverse(self, centre: f64, size: f64) -> Self {
+    pub(crate) fn of_inverse(self, centre: f64, size: f64) -> Self {
         let away = self.value.inv();
         Self { value: away + centre, residual: self.residual * (size + centre.abs()) * away.norm() }
     }
