@@ -14,10 +14,10 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_340),
+    ("producer", 8_345),
     ("consumers", 6_275),
     ("consumers/analyses", 4_470),
-    ("consumers/experiments", 1_615),
+    ("consumers/experiments", 1_620),
     ("consumers/exports", 950),
     ("consumers/figure", 3_120),
     ("consumers/orbits", 2_910),
@@ -27,12 +27,12 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("consumers/waves", 1_480),
     ("page", 1_250),
     ("relay", 2_500),
-    ("python", 2_230),
+    ("python", 2_270),
     ("tests/bench", 2_300),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 80_520;
+const MOST_LINES: usize = 80_340;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
