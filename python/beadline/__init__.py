@@ -136,6 +136,7 @@ __all__ = [
     "orbit",
     "preset",
     "presets",
+    "simulate",
     "sweep",
 ]
 

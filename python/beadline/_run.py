@@ -435,7 +435,7 @@ def simulate(
     progress: bool | None = None,
     yes: bool = False,
 ) -> list[Recording]:
-    """Simulates many runs in memory, in threads: each as :meth:`Run.simulate` does, with the same bits.
+    """Simulates many runs in memory, in threads: each as ``Run.simulate`` does, with the same bits.
 
     Short chains that differ in numbers alone (masses, stiffnesses, loads, time steps, beginnings, seeds) are computed side by side in the
     processor's registers, up to eight at once: put such runs next to each other.
