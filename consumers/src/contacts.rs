@@ -46,7 +46,7 @@ impl Contacts {
         let chain = manifest.physics.chain();
         let touch_at_rest = chain.rest_overlap_m.iter().all(|m| class(*m, tolerance_m) == TOUCHING);
         let (classes, seen) = (vec![TOUCHING; chain.contact_count()], Active::all(chain.bead_count()));
-        Self { touch_at_rest, classes, seen, tolerance_m, chain }
+        Self { chain, tolerance_m, touch_at_rest, classes, seen }
     }
 
     /// The tolerance (m).

@@ -99,15 +99,12 @@ fn each(states: &[ChainState], manifest: &RunManifest, way: u64, mut take: impl 
 /// What `offer` says of a run.
 fn said(offer: &'static Offer, manifest: &RunManifest, states: &[ChainState], way: u64) -> Vec<String> {
     let mut settings = Settings::default();
-    for (setting, value) in offer
-        .settings
-        .iter()
-        .filter_map(|setting| Some((setting, setting.required_unless.map(|_| "contact:3")?)))
-    {
-        let value = if offer.name == "deformation" { "13" } else { value };
+    for setting in offer.settings.iter().filter(|setting| setting.required_unless.is_some()) {
+        let value = if offer.name == "deformation" { "13" } else { "contact:3" };
         settings.set(setting, vec![value.to_owned()]).unwrap();
     }
-    let begun = (offer.begin)(&Beginning::whole(offer.name, manifest, &settings));
+    let beginning = Beginning::whole(offer.name, manifest, &settings);
+    let begun = (offer.begin)(&Beginning { is_drawn: true, ..beginning });
     let mut said = Said::default();
     let mut analysis: Box<dyn Analysis> = match begun {
         Ok(analysis) => analysis,
@@ -122,6 +119,7 @@ fn said(offer: &'static Offer, manifest: &RunManifest, states: &[ChainState], wa
     let refused = analysis.finish(&mut said).err().map(|refusal| refusal.why);
     said.0.push(format!("{refused:?}"));
     said.0.push(analysis.report().map_or_else(String::new, |report| report.results.to_string()));
+    said.0.push(format!("{:?}", analysis.figure().ok()));
     said.0
 }
 
