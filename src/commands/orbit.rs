@@ -243,7 +243,9 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
-    limit(orbit).into_iter().for_each(|limit| rows.add("multipliers found", limit));
+    if let Some(limit) = limit(orbit) {
+        rows.add("multipliers found", limit);
+    }
 }
 
 /// An orbit as JSON.
