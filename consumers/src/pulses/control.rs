@@ -243,3 +243,58 @@ impl Bead {
         (self.low_m_s, self.rise) = (f64::INFINITY, Rise::default());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::{Origin, RunManifest};
+    use schemas::philox::uniform;
+    use schemas::presets::PRESETS;
+
+    /// Also where a pulse is said to have passed beads that rest again by then, and frames are missing.
+    #[test]
+    fn beads_at_rest_need_not_be_visited() {
+        let mut config = PRESETS[2].config();
+        config.chain.beads = 40;
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let around = Surroundings::of(&RunManifest::new(&config, "run", origin).expect("valid"));
+        let u_m: Vec<f64> = (0..40_u8).map(|bead| -1e-6 * f64::from(bead)).collect();
+        let whole = (Control::new(40, 0.1), History::new(0..40));
+        let (mut whole, mut within) = (whole.clone(), whole);
+        let mut index = 0;
+        let mut below = |count: u8| {
+            index += 1;
+            (0..count).rfind(|i| f64::from(*i) <= f64::from(count) * uniform(1, 0, index)).unwrap_or(0)
+        };
+        for step in (0..16_000).step_by(8) {
+            let first = below(40);
+            let moving = usize::from(first)..usize::from(first + below(41 - first));
+            let speeds: Vec<f64> = (0..40).map(|_| f64::from(below(9)) - 4.0).collect();
+            let v_m_s: Vec<f64> =
+                (0..40).map(|bead| if moving.contains(&bead) { speeds[bead] } else { 0.0 }).collect();
+            let time_s = step as f64;
+            let frame =
+                Frame { frame: step, step, time_s, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
+            let bead = u64::from(below(40));
+            let has = [below(3), below(50)];
+            let actives = [Active::all(40), Active { first: moving.start, end: moving.end }];
+            for ((control, history), active) in [&mut whole, &mut within].into_iter().zip(actives) {
+                history.push(time_s, active, |beads, to| to.copy_from_slice(&v_m_s[beads]));
+                control.observe(&around, &frame, history, &[]);
+                if has[0] == 0 {
+                    let (v_peak_m_s, speed_beads_per_s, shape) = (1.0, None, None);
+                    let point = Point { pulse: 1, bead, time_s, v_peak_m_s, speed_beads_per_s, shape };
+                    control.explain(&point, 20.0);
+                }
+                if has[1] == 0 {
+                    control.gap();
+                }
+            }
+            let rises = |control: &Control| {
+                let beads = control.beads.iter();
+                format!("{:?}", beads.map(|bead| (bead.rise, bead.unexplained)).collect::<Vec<_>>())
+            };
+            assert_eq!(rises(&whole.0), rises(&within.0), "step {step}");
+        }
+    }
+}
