@@ -259,7 +259,7 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             return Ok(ControlFlow::Break(self.outcome(EndReason::Interrupted, self.number + 1)));
         }
         let stride = if conductor.hears_every_frame(publisher) { 1 } else { self.stride };
-        self.number = ((*number / stride + 1) * stride).min(manifest.frame_count() - 1);
+        self.number = ((*number / stride + 1) * stride).min(manifest.frame_count() - 1); // integers
         self.next = manifest.step_of_frame(self.number);
         if self.next > frame.step + 1 {
             match &mut self.last_looked_at {
@@ -322,8 +322,8 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
 /// noticed soon.
 fn stride(manifest: &RunManifest) -> u64 {
     let stream = &manifest.provenance;
-    let recorded = stream.record_every_steps / stream.publish_every_steps; // integers
-    let most = recorded.min(MOST_STEPS / stream.publish_every_steps);
+    let recorded = stream.record_every_steps / stream.publish_every_steps;
+    let most = recorded.min(MOST_STEPS / stream.publish_every_steps); // integers
     (1..=most).rev().find(|frames| recorded.is_multiple_of(*frames)).unwrap_or(1)
 }
 
