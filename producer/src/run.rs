@@ -12,8 +12,9 @@ use std::error::Error;
 use std::ops::ControlFlow;
 pub use together::Together;
 
-/// Most steps between two frames that are looked at, where nobody needs those between.
+/// Most steps, and steps of a bead, between two frames that are looked at, where nobody needs those between: some 10 ms.
 const MOST_STEPS: u64 = 1000;
+const MOST_BEAD_STEPS: u64 = 10_000_000;
 
 /// Result of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -323,7 +324,8 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
 fn stride(manifest: &RunManifest) -> u64 {
     let stream = &manifest.provenance;
     let recorded = stream.record_every_steps / stream.publish_every_steps;
-    let most = recorded.min(MOST_STEPS / stream.publish_every_steps); // integers
+    let steps = (MOST_BEAD_STEPS / manifest.physics.beads).min(MOST_STEPS); // integers
+    let most = recorded.min(steps / stream.publish_every_steps); // integers
     (1..=most).rev().find(|frames| recorded.is_multiple_of(*frames)).unwrap_or(1)
 }
 
