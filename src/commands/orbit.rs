@@ -243,9 +243,7 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
-    if let Some(limit) = limit(orbit) {
-        rows.add("multipliers found", limit);
-    }
+    rows.each("multipliers found", limit(orbit).into_iter());
 }
 
 /// An orbit as JSON.

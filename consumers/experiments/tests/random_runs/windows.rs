@@ -96,7 +96,7 @@ fn each(states: &[ChainState], manifest: &RunManifest, way: u64, mut take: impl 
     }
 }
 
-/// What `offer` says of a run.
+/// Everything that `offer` says of a run.
 fn said(offer: &'static Offer, manifest: &RunManifest, states: &[ChainState], way: u64) -> Vec<String> {
     let mut settings = Settings::default();
     for setting in offer.settings.iter().filter(|setting| setting.required_unless.is_some()) {
@@ -123,7 +123,7 @@ fn said(offer: &'static Offer, manifest: &RunManifest, states: &[ChainState], wa
     said.0
 }
 
-/// What a recorder and pictures of fields say.
+/// Everything that a recorder and pictures of fields say.
 fn said_beside(manifest: &RunManifest, states: &[ChainState], way: u64) -> Vec<String> {
     let chain = manifest.physics.chain();
     let (mut summarizer, mut energies) = (Summarizer::new(&manifest.physics), BeadEnergies::new(&chain));
