@@ -243,7 +243,7 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
-    rows.each("multipliers found", limit(orbit).into_iter());
+    rows.each("multipliers found", limit(orbit));
 }
 
 /// An orbit as JSON.
