@@ -150,11 +150,11 @@ pub fn multipliers(caption: impl Into<String>, found: &Multipliers) -> Figure {
     });
     let place = |one: crate::multipliers::Multiplier| (one.re, one.im);
     let unstable: Vec<_> = found.unstable().collect();
-    let is_stable = |one: &crate::multipliers::Multiplier| !unstable.contains(one);
-    let mut panel = Panel::new()
-        .curve(Curve::line("", circle).thin())
-        .points("on or in the unit circle", found.telling().filter(is_stable).map(place))
-        .height(1.5);
+    let stable: Vec<_> = found.telling().filter(|one| !unstable.contains(one)).map(place).collect();
+    let mut panel = Panel::new().curve(Curve::line("", circle).thin()).height(1.5);
+    if !stable.is_empty() {
+        panel = panel.points("on or in the unit circle", stable);
+    }
     let names: BTreeSet<&str> = unstable.iter().map(|one| found.kind(*one).as_str()).collect();
     for name in names {
         let of_name = unstable.iter().filter(|one| found.kind(**one).as_str() == name).map(|one| place(*one));
