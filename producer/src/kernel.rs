@@ -6,6 +6,7 @@
 
 mod constants;
 mod group;
+mod held;
 mod layout;
 mod moving;
 mod sweep;
@@ -13,7 +14,7 @@ mod sweep;
 use crate::aligned::with_room;
 use aligned_vec::{AVec, avec};
 use constants::{Constants, Contacts, Springs};
-use layout::GROUP;
+use layout::{GROUP, narrower};
 pub(crate) use layout::{PerLane, lanes};
 use moving::Damped;
 pub(crate) use moving::Motion;
@@ -90,6 +91,8 @@ pub(crate) struct Pushed<'a> {
 #[derive(Debug, Clone)]
 pub struct Kernel {
     arch: Arch,
+    /// The instruction set of sweeps.
+    arch_of_sweeps: Arch,
     law: ContactLaw,
     /// Number of beads.
     count: usize,
@@ -191,13 +194,17 @@ impl Kernel {
             terms: &terms,
             springs: (springs, [&linear, &cubic]),
         };
+        let constants = Constants::of(contacts);
+        // a root of fewer numbers comes sooner, and a short chain waits for it
+        let waits_for_roots = width == 1 && count <= 32 && constants.has_law && chain.law.alpha() == 1.5;
         Self {
             arch,
+            arch_of_sweeps: if waits_for_roots { narrower(arch) } else { arch },
             law: chain.law.clone(),
             count,
             width,
             ends: Ends { is_ring: chain.is_ring, have_wall: ends.map(|side| chain.wall(side).is_there) },
-            constants: Constants::of(contacts),
+            constants,
             walls_m: vec![[PerLane::same(0.0); 2]],
             wall_forces_n: Vec::new(),
             sites: chain.sites.clone(),

@@ -4,8 +4,9 @@
 //! them: the dynamics, the analyses, or a re-simulation.
 
 use crate::power::{PowerTable, Powers, bounds};
+use crate::roots::root;
 use crate::simd::{Group, load, store};
-use pulp::{Scalar, Simd};
+use pulp::{Scalar, Simd, bytemuck};
 use std::sync::Arc;
 
 /// Form in which `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
@@ -147,6 +148,8 @@ pub trait PowerUser {
 pub trait Power: Copy {
     /// True if there is a power at all, which bonds have not.
     const IS_ANY: bool = true;
+    /// True if it needs no table, so that a register is raised at once.
+    const IS_FORMULA: bool = true;
 
     /// Powers of a block of overlaps.
     fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B];
@@ -154,24 +157,33 @@ pub trait Power: Copy {
     /// Powers of a group of overlaps, in vectors.
     fn raise_group<S: Simd, const G: usize>(self, simd: S, overlaps: &Group<G>) -> Group<G>;
 
+    /// Powers of a register of overlaps, one of several that follow each other.
+    #[inline(always)]
+    fn raise_register<S: Simd>(self, _: S, mut overlaps: S::f64s, _: usize) -> S::f64s {
+        for overlap in bytemuck::cast_slice_mut(std::slice::from_mut(&mut overlaps)) {
+            *overlap = self.raise_one(*overlap);
+        }
+        overlaps
+    }
+
     /// Power of one overlap.
     fn raise_one(self, overlap: f64) -> f64;
 }
 
 /// A power that is a formula.
 trait Formula: Copy {
-    fn of<S: Simd>(simd: S, d: S::f64s) -> S::f64s;
+    fn of<S: Simd>(simd: S, d: S::f64s, number: usize) -> S::f64s;
 }
 
 /// Makes a type of each formula.
 macro_rules! formulas {
-    ($($name:ident: |$simd:ident, $d:ident| $of:expr;)+) => {$(
+    ($($name:ident: |$simd:ident, $d:ident, $number:pat_param| $of:expr;)+) => {$(
         #[derive(Clone, Copy)]
         struct $name;
 
         impl Formula for $name {
             #[inline(always)]
-            fn of<S: Simd>($simd: S, $d: S::f64s) -> S::f64s {
+            fn of<S: Simd>($simd: S, $d: S::f64s, $number: usize) -> S::f64s {
                 $of
             }
         }
@@ -179,11 +191,11 @@ macro_rules! formulas {
 }
 
 formulas! {
-    Linear: |_simd, d| d;
-    Hertz: |simd, d| simd.mul_f64s(d, simd.sqrt_f64s(d));
-    Square: |simd, d| simd.mul_f64s(d, d);
-    Cube: |simd, d| simd.mul_f64s(simd.mul_f64s(d, d), d);
-    Fifth: |simd, d| {
+    Linear: |_simd, d, _| d;
+    Hertz: |simd, d, number| simd.mul_f64s(d, root(simd, d, number));
+    Square: |simd, d, _| simd.mul_f64s(d, d);
+    Cube: |simd, d, _| simd.mul_f64s(simd.mul_f64s(d, d), d);
+    Fifth: |simd, d, _| {
         let square = simd.mul_f64s(d, d);
         simd.mul_f64s(simd.mul_f64s(square, square), d)
     };
@@ -230,18 +242,26 @@ impl<F: Formula> Power for Each<F> {
     fn raise_group<S: Simd, const G: usize>(self, simd: S, overlaps: &Group<G>) -> Group<G> {
         let mut powers = Group([0.0; G]);
         for at in (0..G).step_by(S::F64_LANES) {
-            store::<S>(F::of(simd, load::<S>(&overlaps.0, at)), &mut powers.0, at);
+            let register = load::<S>(&overlaps.0, at);
+            store::<S>(F::of(simd, register, at / S::F64_LANES), &mut powers.0, at);
         }
         powers
     }
 
     #[inline(always)]
+    fn raise_register<S: Simd>(self, simd: S, overlaps: S::f64s, number: usize) -> S::f64s {
+        F::of(simd, overlaps, number)
+    }
+
+    #[inline(always)]
     fn raise_one(self, overlap: f64) -> f64 {
-        F::of(Scalar::new(), overlap)
+        F::of(Scalar::new(), overlap, 0)
     }
 }
 
 impl Power for Powers<'_> {
+    const IS_FORMULA: bool = false;
+
     #[inline(always)]
     fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B] {
         Powers::raise(self, overlaps)

@@ -27,6 +27,7 @@ pub mod power;
 pub mod presets;
 pub mod random;
 pub mod results;
+mod roots;
 pub mod rows;
 pub mod run_name;
 pub mod scales;

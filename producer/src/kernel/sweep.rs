@@ -105,7 +105,7 @@ impl Kernel {
             shaken: &self.shaken,
             shake: shake.map(|shake| shake as Shake<'_>),
         };
-        in_vectors(self.arch, sweep);
+        in_vectors(self.arch_of_sweeps, sweep);
     }
 
     /// The most passes that one sweep can take.
@@ -286,6 +286,14 @@ impl Sweep<'_> {
 
     #[inline(always)]
     fn run<S: Simd, P: Power, L: Layout, const KIND: u8>(&mut self, simd: S, power: P) {
+        let may_be_held = L::IS_ALONG && P::IS_FORMULA && KIND != ANY;
+        if may_be_held
+            && self.shake.is_none()
+            && self.passes.len() > 1
+            && self.hold::<S, P, KIND>(simd, power)
+        {
+            return;
+        }
         let stride = L::stride::<S>();
         let (first, is_to_end) = (self.beads.start * stride, self.beads.end == self.count);
         // the contact on the right of the last bead is evaluated, too

@@ -89,6 +89,19 @@ impl Law for Spring {
     }
 }
 
+impl Spring {
+    /// The forces (N) of a register of contacts with the overlaps `d` (m).
+    #[inline(always)]
+    pub fn in_register<S: Simd>(self, simd: S, stiffness: S::f64s, d: S::f64s) -> S::f64s {
+        let power = match self.0 {
+            1 => d,
+            2 => simd.mul_f64s(d, d),
+            _ => simd.mul_f64s(simd.mul_f64s(d, d), d),
+        };
+        simd.mul_f64s(stiffness, power)
+    }
+}
+
 impl InGroups for Spring {
     #[inline(always)]
     fn add_to<S: Simd, const G: usize>(
@@ -99,13 +112,7 @@ impl InGroups for Spring {
         sum_n: &mut Group<G>,
     ) {
         for at in (0..G).step_by(S::F64_LANES) {
-            let (stiffness, d) = (load::<S>(stiffness, at), load::<S>(&overlap_m.0, at));
-            let power = match self.0 {
-                1 => d,
-                2 => simd.mul_f64s(d, d),
-                _ => simd.mul_f64s(simd.mul_f64s(d, d), d),
-            };
-            let force_n = simd.mul_f64s(stiffness, power);
+            let force_n = self.in_register(simd, load::<S>(stiffness, at), load::<S>(&overlap_m.0, at));
             store::<S>(simd.add_f64s(load::<S>(&sum_n.0, at), force_n), &mut sum_n.0, at);
         }
     }
