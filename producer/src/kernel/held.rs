@@ -17,7 +17,8 @@ struct Held<'s, 'a, P, const KIND: u8, const R: usize> {
     power: P,
 }
 
-/// The beads of a chain, the force on the left of each, and their constants.
+/// The beads of a chain, the force on the left of each, and their constants. What does not stay in a register lies in one line of the cache.
+#[repr(align(64))]
 struct Registers<V, const R: usize> {
     u: [V; R],
     v: [V; R],

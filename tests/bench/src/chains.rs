@@ -36,7 +36,7 @@ struct Kind {
     floor: Floor,
 }
 
-const KINDS: [Kind; 14] = {
+const KINDS: [Kind; 15] = {
     const fn pressed(what: &'static str, beads: u64, floor: f64) -> Kind {
         Kind { what, word: "hertz", beads, alpha: 1.5, floor: Floor::AtLeast(floor) }
     }
@@ -64,6 +64,7 @@ const KINDS: [Kind; 14] = {
         bonds("ring of FPUT-β bonds, N = 1024", "beta", 1024),
         bonds("ring of Toda bonds, N = 32", "toda", 32),
         bonds("ring of Toda bonds, N = 1024", "toda", 1024),
+        bonds("ring of FPUT-α bonds, N = 100", "alpha", 100),
     ]
 };
 
