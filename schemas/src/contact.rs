@@ -6,22 +6,13 @@
 use crate::power::{PowerTable, Powers, bounds};
 use crate::roots::root;
 use crate::simd::{Group, load, store};
-use pulp::{Scalar, Simd, bytemuck};
+use pulp::{Scalar, Simd};
 use std::sync::Arc;
 
 /// Form in which `δ^α` is computed. Each form is exact to its own rounding and is part of the bits of a run.
 #[derive(Debug, Clone)]
 enum Form {
-    /// α = 1: `δ`
-    Linear,
-    /// α = 3/2 (Hertz): `δ·√δ`
-    Hertz,
-    /// α = 2: `δ·δ`
-    Square,
-    /// α = 3: `δ·δ·δ`
-    Cube,
-    /// α = 5: `(δ·δ)·(δ·δ)·δ`
-    Fifth,
+    Formula(Formula),
     /// any other α
     General(Arc<PowerTable>),
 }
@@ -56,11 +47,11 @@ impl ContactLaw {
     /// The law with exponent `alpha` (dimensionless), from 1 to 1000.
     pub fn new(alpha: f64) -> Self {
         let form = match alpha {
-            1.0 => Form::Linear,
-            1.5 => Form::Hertz,
-            2.0 => Form::Square,
-            3.0 => Form::Cube,
-            5.0 => Form::Fifth,
+            1.0 => Form::Formula(Formula::Linear),
+            1.5 => Form::Formula(Formula::Hertz),
+            2.0 => Form::Formula(Formula::Square),
+            3.0 => Form::Formula(Formula::Cube),
+            5.0 => Form::Formula(Formula::Fifth),
             _ => Form::General(PowerTable::shared(alpha)),
         };
         let zero_up_to_m = match &form {
@@ -102,16 +93,13 @@ impl ContactLaw {
         if closed_m > 0.0 { stiffness * self.alpha * (self.power_of(closed_m) / closed_m) } else { 0.0 }
     }
 
-    /// Calls `user` with the power of this law as something that the compiler can inline into
-    /// `user`'s loops: one copy of the loop for each form of the power, none with a branch in it.
+    /// Calls `user` with the power of this law as something that the compiler can inline into `user`'s loops: one copy of them for
+    /// spheres, one for the other formulas, one for tables.
     #[inline(always)]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
         match &self.form {
-            Form::Linear => user.run(Each(Linear)),
-            Form::Hertz => user.run(Each(Hertz)),
-            Form::Square => user.run(Each(Square)),
-            Form::Cube => user.run(Each(Cube)),
-            Form::Fifth => user.run(Each(Fifth)),
+            Form::Formula(Formula::Hertz) => user.run(Each(Hertz)),
+            Form::Formula(formula) => user.run(Each(*formula)),
             Form::General(table) => user.run(table.powers()),
         }
     }
@@ -148,8 +136,6 @@ pub trait PowerUser {
 pub trait Power: Copy {
     /// True if there is a power at all, which bonds have not.
     const IS_ANY: bool = true;
-    /// True if it needs no table, so that a register is raised at once.
-    const IS_FORMULA: bool = true;
 
     /// Powers of a block of overlaps.
     fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B];
@@ -157,48 +143,56 @@ pub trait Power: Copy {
     /// Powers of a group of overlaps, in vectors.
     fn raise_group<S: Simd, const G: usize>(self, simd: S, overlaps: &Group<G>) -> Group<G>;
 
-    /// Powers of a register of overlaps, one of several that follow each other.
-    #[inline(always)]
-    fn raise_register<S: Simd>(self, _: S, mut overlaps: S::f64s, _: usize) -> S::f64s {
-        for overlap in bytemuck::cast_slice_mut(std::slice::from_mut(&mut overlaps)) {
-            *overlap = self.raise_one(*overlap);
-        }
-        overlaps
+    /// The formula that it is, unless it comes from a table.
+    fn formula(self) -> Option<Formula> {
+        None
     }
 
     /// Power of one overlap.
     fn raise_one(self, overlap: f64) -> f64;
 }
 
-/// A power that is a formula.
-trait Formula: Copy {
-    fn of<S: Simd>(simd: S, d: S::f64s, number: usize) -> S::f64s;
+/// A power that needs no table.
+#[derive(Debug, Clone, Copy)]
+pub enum Formula {
+    /// α = 1: `δ`
+    Linear,
+    /// α = 3/2: `δ·√δ`
+    Hertz,
+    /// α = 2: `δ·δ`
+    Square,
+    /// α = 3: `δ·δ·δ`
+    Cube,
+    /// α = 5: `(δ·δ)·(δ·δ)·δ`
+    Fifth,
 }
 
-/// Makes a type of each formula.
-macro_rules! formulas {
-    ($($name:ident: |$simd:ident, $d:ident, $number:pat_param| $of:expr;)+) => {$(
-        #[derive(Clone, Copy)]
-        struct $name;
-
-        impl Formula for $name {
-            #[inline(always)]
-            fn of<S: Simd>($simd: S, $d: S::f64s, $number: usize) -> S::f64s {
-                $of
+impl Formula {
+    /// Powers of a register of overlaps `d`, one of several that follow each other.
+    #[inline(always)]
+    pub fn of<S: Simd>(self, simd: S, d: S::f64s, number: usize) -> S::f64s {
+        match self {
+            Self::Linear => d,
+            Self::Hertz => simd.mul_f64s(d, root(simd, d, number)),
+            Self::Square => simd.mul_f64s(d, d),
+            Self::Cube => simd.mul_f64s(simd.mul_f64s(d, d), d),
+            Self::Fifth => {
+                let square = simd.mul_f64s(d, d);
+                simd.mul_f64s(simd.mul_f64s(square, square), d)
             }
         }
-    )+};
+    }
 }
 
-formulas! {
-    Linear: |_simd, d, _| d;
-    Hertz: |simd, d, number| simd.mul_f64s(d, root(simd, d, number));
-    Square: |simd, d, _| simd.mul_f64s(d, d);
-    Cube: |simd, d, _| simd.mul_f64s(simd.mul_f64s(d, d), d);
-    Fifth: |simd, d, _| {
-        let square = simd.mul_f64s(d, d);
-        simd.mul_f64s(simd.mul_f64s(square, square), d)
-    };
+/// [`Formula::Hertz`] where the compiler knows it.
+#[derive(Clone, Copy)]
+struct Hertz;
+
+impl From<Hertz> for Formula {
+    #[inline(always)]
+    fn from(_: Hertz) -> Self {
+        Self::Hertz
+    }
 }
 
 /// No power.
@@ -224,11 +218,11 @@ impl Power for NoPower {
     }
 }
 
-/// A power that is computed without a table.
+/// A formula of each overlap.
 #[derive(Clone, Copy)]
 struct Each<F>(F);
 
-impl<F: Formula> Power for Each<F> {
+impl<F: Copy + Into<Formula>> Power for Each<F> {
     #[inline(always)]
     fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B] {
         let mut powers = [0.0; B];
@@ -243,25 +237,23 @@ impl<F: Formula> Power for Each<F> {
         let mut powers = Group([0.0; G]);
         for at in (0..G).step_by(S::F64_LANES) {
             let register = load::<S>(&overlaps.0, at);
-            store::<S>(F::of(simd, register, at / S::F64_LANES), &mut powers.0, at);
+            store::<S>(self.0.into().of(simd, register, at / S::F64_LANES), &mut powers.0, at);
         }
         powers
     }
 
     #[inline(always)]
-    fn raise_register<S: Simd>(self, simd: S, overlaps: S::f64s, number: usize) -> S::f64s {
-        F::of(simd, overlaps, number)
+    fn formula(self) -> Option<Formula> {
+        Some(self.0.into())
     }
 
     #[inline(always)]
     fn raise_one(self, overlap: f64) -> f64 {
-        F::of(Scalar::new(), overlap, 0)
+        self.0.into().of(Scalar::new(), overlap, 0)
     }
 }
 
 impl Power for Powers<'_> {
-    const IS_FORMULA: bool = false;
-
     #[inline(always)]
     fn raise<const B: usize>(self, overlaps: &[f64; B]) -> [f64; B] {
         Powers::raise(self, overlaps)

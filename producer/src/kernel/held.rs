@@ -7,14 +7,14 @@ use super::constants::{BARE, LOADED, SPRINGS, before_terms};
 use super::layout::{Along, COUNTED, GROUP, Layout as _, PerLane, right};
 use super::sweep::{Pass, Sweep};
 use pulp::{Simd, WithSimd, bytemuck};
-use schemas::contact::Power;
+use schemas::contact::Formula;
 use schemas::simd::{load, store};
 use schemas::term::Spring;
 
-/// A sweep over a chain of `R` registers: a function of its own for each law, kind and number.
-struct Held<'s, 'a, P, const KIND: u8, const R: usize> {
+/// A sweep over a chain of `R` registers: a function of its own for each kind and number.
+struct Held<'s, 'a, const KIND: u8, const R: usize> {
     sweep: &'s mut Sweep<'a>,
-    power: P,
+    formula: Formula,
 }
 
 /// The beads of a chain, the force on the left of each, and their constants. What does not stay in a register lies in one line of the cache.
@@ -31,13 +31,13 @@ struct Registers<V, const R: usize> {
 impl Sweep<'_> {
     /// Takes the chain through all passes if it fits into registers. True if it did.
     #[inline(always)]
-    pub(super) fn hold<S: Simd, P: Power, const KIND: u8>(&mut self, simd: S, power: P) -> bool {
+    pub(super) fn hold<S: Simd, const KIND: u8>(&mut self, simd: S, formula: Formula) -> bool {
         /// One copy of the loops for each number of registers.
         macro_rules! held {
             ($($registers:literal)+) => {
                 match (self.count + usize::from(!self.fills_registers::<S>())).div_ceil(S::F64_LANES) {
                     $($registers => {
-                        simd.vectorize(Held::<P, KIND, $registers> { sweep: self, power });
+                        simd.vectorize(Held::<KIND, $registers> { sweep: self, formula });
                         true
                     })+
                     _ => false,
@@ -54,12 +54,12 @@ impl Sweep<'_> {
     }
 }
 
-impl<P: Power, const KIND: u8, const R: usize> WithSimd for Held<'_, '_, P, KIND, R> {
+impl<const KIND: u8, const R: usize> WithSimd for Held<'_, '_, KIND, R> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { sweep, power } = self;
+        let Self { sweep, formula } = self;
         let mut beads = Registers::<S::f64s, R>::load::<S, KIND>(simd, sweep);
         let mut evaluation = 0;
         for pass in sweep.passes {
@@ -82,7 +82,7 @@ impl<P: Power, const KIND: u8, const R: usize> WithSimd for Held<'_, '_, P, KIND
                     continue;
                 }
             }
-            beads.press::<S, P, KIND>(simd, power, sweep, evaluation);
+            beads.press::<S, KIND>(simd, formula, sweep, evaluation);
             evaluation += 1;
         }
         let behind = sweep.count % S::F64_LANES;
@@ -166,10 +166,10 @@ impl<V: bytemuck::Pod, const R: usize> Registers<V, R> {
 
     /// Evaluates the contacts on the left of the beads, and that behind the last.
     #[inline(always)]
-    fn press<S: Simd<f64s = V>, P: Power, const KIND: u8>(
+    fn press<S: Simd<f64s = V>, const KIND: u8>(
         &mut self,
         simd: S,
-        power: P,
+        formula: Formula,
         sweep: &mut Sweep<'_>,
         evaluation: usize,
     ) {
@@ -208,7 +208,7 @@ impl<V: bytemuck::Pod, const R: usize> Registers<V, R> {
             }
             self.force[number] = if KIND & SPRINGS == 0 {
                 // whatever comes of open contacts is left out, while the root is on its way
-                let raised = power.raise_register(simd, overlap, number);
+                let raised = formula.of(simd, overlap, number);
                 let is_closed = simd.greater_than_f64s(overlap, zero_up_to_m);
                 let raised = simd.select_f64s(is_closed, raised, simd.splat_f64s(0.0));
                 let found = simd.mul_f64s(self.constants[0][number], raised);

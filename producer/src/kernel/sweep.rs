@@ -14,7 +14,7 @@ use super::group::{Beads, Laws, Motion, Neighbours};
 use super::layout::{Across, Along, GROUP, Layout, PerLane};
 use crate::aligned::with_room;
 use pulp::{Simd, WithSimd};
-use schemas::contact::{BLOCK, ContactLaw, Power, PowerUser};
+use schemas::contact::{BLOCK, ContactLaw, Formula, Power, PowerUser};
 use schemas::simd::{LANES, in_vectors, load, store};
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -286,11 +286,14 @@ impl Sweep<'_> {
 
     #[inline(always)]
     fn run<S: Simd, P: Power, L: Layout, const KIND: u8>(&mut self, simd: S, power: P) {
-        let may_be_held = L::IS_ALONG && P::IS_FORMULA && KIND != ANY;
-        if may_be_held
+        let has_springs_alone = KIND & SPRINGS != 0;
+        let formula = if has_springs_alone { Some(Formula::Linear) } else { power.formula() };
+        if L::IS_ALONG
+            && KIND != ANY
+            && let Some(formula) = formula
             && self.shake.is_none()
             && self.passes.len() > 1
-            && self.hold::<S, P, KIND>(simd, power)
+            && self.hold::<S, KIND>(simd, formula)
         {
             return;
         }
