@@ -56,7 +56,7 @@ impl ContactLaw {
         };
         let zero_up_to_m = match &form {
             Form::General(table) => table.zero_up_to(),
-            _ => bounds(alpha)[0],
+            Form::Formula(_) => bounds(alpha)[0],
         };
         Self { alpha, zero_up_to_m, form }
     }
