@@ -4,6 +4,7 @@
 //! further, is the longest wait but for a root.
 
 use super::constants::{BARE, LOADED, SPRINGS, before_terms};
+use super::group::Motion;
 use super::layout::{Along, COUNTED, GROUP, Layout as _, PerLane, right};
 use super::sweep::{Pass, Sweep};
 use pulp::{Simd, WithSimd, bytemuck};
@@ -143,16 +144,12 @@ impl<V: bytemuck::Pod, const R: usize> Registers<V, R> {
     #[inline(always)]
     fn kick<S: Simd<f64s = V>>(&mut self, simd: S, kick_s: &PerLane, kicks: u8) {
         let kick_s = kick_s.load::<S>();
+        let motion = Motion { kicks, kick_s, drift_s: kick_s };
         // in a ring of whole registers the last bead has the first contact on its right; no other last register ends with a bead
         for number in 0..R {
             let next = self.force[(number + 1) % R];
-            let right_n = right(simd, self.force[number], next);
-            let net = simd.sub_f64s(self.force[number], right_n);
-            let change = simd.mul_f64s(simd.mul_f64s(kick_s, self.inverse_mass[number]), net);
-            self.v[number] = simd.add_f64s(self.v[number], change);
-            if kicks == 2 {
-                self.v[number] = simd.add_f64s(self.v[number], change);
-            }
+            let net = simd.sub_f64s(self.force[number], right(simd, self.force[number], next));
+            self.v[number] = motion.kicked(simd, self.inverse_mass[number], net, self.v[number]);
         }
     }
 
