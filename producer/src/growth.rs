@@ -161,11 +161,11 @@ impl Growth {
             return;
         }
         self.looks += 1;
+        self.slopes.find(Arch::new(), &state.u_m, self.chain.walls_m(&state.extra), &beads);
         vectorized(
             Arch::new(),
             #[inline(always)]
             || {
-                self.slopes.find(&state.u_m, self.chain.walls_m(&state.extra), &beads);
                 self.kick(state, &beads);
                 self.drift(state, &beads);
             },

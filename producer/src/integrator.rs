@@ -105,7 +105,7 @@ impl Integrator {
         let chain = physics.chain();
         let tangents = || Tangents::of(physics, &chain, count, arch);
         match &mut integrator.by_method {
-            ByMethod::Splitting(splitting) => splitting.carry(tangents(), physics, &chain),
+            ByMethod::Splitting(splitting) => splitting.carry(tangents()),
             ByMethod::Runge(runge) => runge.carry(tangents(), &chain),
             ByMethod::Gear(_) => return Err(NoTangent(physics.method)),
         }

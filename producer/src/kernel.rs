@@ -108,6 +108,9 @@ pub struct Kernel {
     walls_m: Vec<[PerLane; 2]>,
     /// The forces (N) of both walls at each evaluation of the last sweep.
     wall_forces_n: Vec<[PerLane; 2]>,
+    /// Displacements (m) at each evaluation of the last sweep, in rows, of those that it went over; zeros elsewhere. None unless they are kept.
+    places_m: AVec<f64>,
+    keeps_places: bool,
     sites: Sites,
     damped: Option<Damped>,
     /// Force (N), beyond the force at rest, of each contact.
@@ -207,6 +210,8 @@ impl Kernel {
             constants,
             walls_m: vec![[PerLane::same(0.0); 2]],
             wall_forces_n: Vec::new(),
+            places_m: avec![],
+            keeps_places: false,
             sites: chain.sites.clone(),
             damped: Damped::of(chain, contacts),
             force: avec![0.0; inverse_mass.len()],
@@ -225,6 +230,7 @@ impl Kernel {
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
+        self.places_m.clear();
         let Activity { beads: numbers } = activity;
         let beads = numbers.start / self.width..numbers.end.div_ceil(self.width);
         let activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };
@@ -258,6 +264,16 @@ impl Kernel {
     /// The forces (N) of the walls at each evaluation of the last sweep.
     pub(crate) fn wall_forces_n(&self) -> impl Fn(usize) -> [f64; 2] {
         |evaluation| self.wall_forces_n[evaluation].map(|force| force.0[0])
+    }
+
+    /// Keeps the displacements at all evaluations of each sweep.
+    pub(crate) fn keep_places(&mut self) {
+        self.keeps_places = true;
+    }
+
+    /// The displacements (m) at an evaluation of the last sweep, if they are kept.
+    pub(crate) fn places_m(&self, evaluation: usize) -> &[f64] {
+        &self.places_m[evaluation * self.force.len()..][..self.count]
     }
 
     /// The springs, drag and resonators that act on beads beside their contacts.

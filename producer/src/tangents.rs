@@ -13,6 +13,7 @@ mod runge;
 mod single;
 pub(crate) mod slopes;
 
+use crate::aligned::Padded;
 use crate::drives::{Acts, Drives, Now};
 use crate::kernel::Motion;
 use beside::{Beside, Sources};
@@ -57,6 +58,10 @@ type Numbers = Vec<Group<LANES>>;
 
 const NONE: Group<LANES> = Group([0.0; LANES]);
 
+/// Factor of all numbers that are carried, a power of two: a change of one bead reaches the others with numbers so small that unscaled they
+/// were subnormal, whose operations take a hundred times as long.
+const SCALE: f64 = f64::from_bits((1023 + 512) << 52);
+
 /// Eight tangents: of displacements, velocities, and those of resonators.
 #[derive(Debug, Clone)]
 struct Block([Numbers; 4]);
@@ -97,7 +102,7 @@ impl Tangents {
             }
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
-        let stages_left = vec![Stage::default(); TOGETHER];
+        let stages_left = vec![Stage::of(chain.bead_count(), &slopes); TOGETHER];
         let (blocks, single, kick_left_s, left, stages) = (Vec::new(), None, 0.0, 0, None);
         let (beside, sources) = (Vec::new(), Vec::new());
         let mut none = Self {
@@ -177,10 +182,10 @@ impl Tangents {
     pub fn tangent(&self, number: usize) -> Vec<f64> {
         assert!(number < self.count, "{number} of {} tangents", self.count);
         if let Some(single) = &self.single {
-            return single.rows.concat();
+            return single.rows.iter().flat_map(|row| row.iter().map(|x| x / SCALE)).collect();
         }
         let rows = &self.blocks[number / LANES].0;
-        rows.iter().flatten().map(|group| group.0[number % LANES]).collect()
+        rows.iter().flatten().map(|group| group.0[number % LANES] / SCALE).collect()
     }
 
     /// Makes `numbers` the tangent of that number. Changes of what drives prescribe are none.
@@ -197,12 +202,17 @@ impl Tangents {
 
     fn put(&mut self, number: usize, numbers: &[f64]) {
         if let Some(single) = &mut self.single {
-            single.rows.iter_mut().flatten().zip(numbers).for_each(|(to, x)| *to = *x);
+            single
+                .rows
+                .iter_mut()
+                .flat_map(|row| row.iter_mut())
+                .zip(numbers)
+                .for_each(|(to, x)| *to = SCALE * *x);
             return;
         }
         let rows = &mut self.blocks[number / LANES].0;
         for (group, x) in rows.iter_mut().flatten().zip(numbers) {
-            group.0[number % LANES] = *x;
+            group.0[number % LANES] = SCALE * *x;
         }
     }
 
@@ -280,12 +290,7 @@ impl Tangents {
 
     /// Finds the slopes at `beads`, those that have moved since a look at all of them, where the beads are at `u_m` and the walls at `walls_m` (m).
     pub(crate) fn look(&mut self, u_m: &[f64], walls_m: [f64; 2], beads: &Range<usize>) {
-        let slopes = &mut self.slopes;
-        vectorized(
-            self.arch,
-            #[inline(always)]
-            || slopes.find(u_m, walls_m, beads),
-        );
+        self.slopes.find(self.arch, u_m, walls_m, beads);
     }
 
     /// True if the force of a contact has jumped, as that of a dashpot does where its contact closes or opens: tangents are no derivatives of the
@@ -319,8 +324,12 @@ impl Tangents {
         }
         let Slopes { contacts, springs, .. } = &self.slopes;
         let stage = &mut self.stages_left[self.left];
+        if stage.kick_s != kick_s {
+            let pushes = stage.push_s_per_kg.iter_mut().zip(&self.masses.inverse_mass);
+            pushes.for_each(|(push, inverse)| *push = kick_s * inverse);
+        }
         (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
-        stage.contacts.clone_from(contacts);
+        stage.contacts.copy_from_slice(contacts);
         stage.springs.clone_from(springs);
         stage.sources.clone_from(&self.sources);
         self.left += 1;
@@ -389,17 +398,33 @@ fn dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Stages that a block makes while it is in the cache.
-const TOGETHER: usize = 12;
+pub(crate) const TOGETHER: usize = 12;
 
 /// A kick, which is made twice where a step ends and the next one begins, and a drift, with the slopes at the kick.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 struct Stage {
     kick_s: f64,
+    /// The kick over the mass of each bead.
+    push_s_per_kg: Padded,
     drift_s: f64,
     is_twice: bool,
-    contacts: Vec<f64>,
+    contacts: Padded,
     springs: Vec<f64>,
     sources: Sources,
+}
+
+impl Stage {
+    fn of(beads: usize, slopes: &Slopes) -> Self {
+        Self {
+            kick_s: 0.0,
+            push_s_per_kg: Padded::zeros(beads),
+            drift_s: 0.0,
+            is_twice: false,
+            contacts: slopes.contacts.clone(),
+            springs: Vec::new(),
+            sources: Sources::new(),
+        }
+    }
 }
 
 /// Some stages of a block, and its number.
@@ -417,24 +442,36 @@ impl WithSimd for Together<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         for stage in self.stages {
+            let [_, _, resonators, _] = &self.block.0;
+            let is_plain = stage.springs.is_empty() && resonators.is_empty() && stage.sources.is_empty();
             for at in (0..LANES).step_by(S::F64_LANES) {
-                self.move_lanes::<S>(simd, stage, at);
+                match (is_plain, stage.is_twice) {
+                    (true, true) => self.move_lanes::<S, true, true>(simd, stage, at),
+                    (true, false) => self.move_lanes::<S, true, false>(simd, stage, at),
+                    (false, true) => self.move_lanes::<S, false, true>(simd, stage, at),
+                    (false, false) => self.move_lanes::<S, false, false>(simd, stage, at),
+                }
             }
         }
     }
 }
 
 impl Together<'_> {
-    /// Moves the tangents of a register, which begins at number `at` of a group, through a stage.
+    /// Moves the tangents of a register, which begins at number `at` of a group, through a stage; in a plain chain there are contacts alone.
     #[inline(always)]
-    fn move_lanes<S: Simd>(&mut self, simd: S, stage: &Stage, at: usize) {
+    fn move_lanes<S: Simd, const IS_PLAIN: bool, const IS_TWICE: bool>(
+        &mut self,
+        simd: S,
+        stage: &Stage,
+        at: usize,
+    ) {
         let [u, v, w, w_v] = &mut self.block.0;
         let beads = u.len();
-        let Masses { inverse_mass, inverse_resonator, resonator_n_per_m, .. } = self.masses;
-        let (u, v, inverse_mass) = (&mut u[..beads], &mut v[..beads], &inverse_mass[..beads]);
+        let Masses { inverse_resonator, resonator_n_per_m, .. } = self.masses;
+        let (u, v, push_s_per_kg) = (&mut u[..beads], &mut v[..beads], &stage.push_s_per_kg[..beads]);
         let (contacts, springs) = (&stage.contacts[..=beads], &stage.springs[..]);
         let (w, w_v) = (&mut w[..], &mut w_v[..]);
-        let (is_twice, kick_s) = (stage.is_twice, stage.kick_s);
+        let kick_s = stage.kick_s;
         let get = |group: &Group<LANES>| load::<S>(&group.0, at);
         let splat = |x: f64| simd.splat_f64s(x);
         let sources = stage.sources.get(self.number);
@@ -446,31 +483,42 @@ impl Together<'_> {
         let (none, drift) = (splat(0.0), splat(stage.drift_s));
         let kicked = |velocity: S::f64s, change: S::f64s| {
             let velocity = simd.add_f64s(velocity, change);
-            if is_twice { simd.add_f64s(velocity, change) } else { velocity }
+            if IS_TWICE { simd.add_f64s(velocity, change) } else { velocity }
         };
         let (before, behind) = if self.is_ring { (get(&u[beads - 1]), get(&u[0])) } else { (none, none) };
         let mut here = get(&u[0]);
         let mut left = simd.mul_f64s(splat(contacts[0]), simd.sub_f64s(before, here));
-        for i in 0..beads {
-            let next = if i + 1 < beads { get(&u[i + 1]) } else { behind };
-            let right = simd.mul_f64s(splat(contacts[i + 1]), simd.sub_f64s(here, next));
-            let mut net = simd.sub_f64s(left, right);
-            if i < springs.len() {
-                net = simd.sub_f64s(net, simd.mul_f64s(splat(springs[i]), here));
-            }
-            if i < w.len() {
-                let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
-                net = simd.add_f64s(net, pull);
-                let change = simd.mul_f64s(splat(kick_s * inverse_resonator[i]), simd.sub_f64s(none, pull));
-                let velocity = kicked(get(&w_v[i]), with(change, of_resonators, i));
-                store::<S>(velocity, &mut w_v[i].0, at);
-                store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
-            }
-            let change = simd.mul_f64s(splat(kick_s * inverse_mass[i]), net);
-            let velocity = kicked(get(&v[i]), with(change, of_beads, i));
-            store::<S>(velocity, &mut v[i].0, at);
-            store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
-            (left, here) = (right, next);
+        /// Moves a bead; gives the change of the force of the contact on its right. The last one stands alone: a loop without a choice.
+        macro_rules! moved {
+            ($i:ident, $next:ident) => {{
+                let (i, next) = ($i, $next);
+                let right = simd.mul_f64s(splat(contacts[i + 1]), simd.sub_f64s(here, next));
+                let mut net = simd.sub_f64s(left, right);
+                if !IS_PLAIN && i < springs.len() {
+                    net = simd.sub_f64s(net, simd.mul_f64s(splat(springs[i]), here));
+                }
+                if !IS_PLAIN && i < w.len() {
+                    let pull = simd.mul_f64s(splat(resonator_n_per_m[i]), simd.sub_f64s(get(&w[i]), here));
+                    net = simd.add_f64s(net, pull);
+                    let change =
+                        simd.mul_f64s(splat(kick_s * inverse_resonator[i]), simd.sub_f64s(none, pull));
+                    let velocity = kicked(get(&w_v[i]), with(change, of_resonators, i));
+                    store::<S>(velocity, &mut w_v[i].0, at);
+                    store::<S>(simd.add_f64s(get(&w[i]), simd.mul_f64s(drift, velocity)), &mut w[i].0, at);
+                }
+                let change = simd.mul_f64s(splat(push_s_per_kg[i]), net);
+                let change = if IS_PLAIN { change } else { with(change, of_beads, i) };
+                let velocity = kicked(get(&v[i]), change);
+                store::<S>(velocity, &mut v[i].0, at);
+                store::<S>(simd.add_f64s(here, simd.mul_f64s(drift, velocity)), &mut u[i].0, at);
+                right
+            }};
         }
+        for i in 0..beads - 1 {
+            let next = get(&u[i + 1]);
+            (left, here) = (moved!(i, next), next);
+        }
+        let last = beads - 1;
+        moved!(last, behind);
     }
 }

@@ -182,6 +182,22 @@ impl Formula {
             }
         }
     }
+
+    /// Their slopes `α·δ^(α−1)`.
+    #[inline(always)]
+    pub(crate) fn slope<S: Simd>(self, simd: S, d: S::f64s, number: usize) -> S::f64s {
+        let times = |alpha: f64, power: S::f64s| simd.mul_f64s(simd.splat_f64s(alpha), power);
+        match self {
+            Self::Linear => simd.splat_f64s(1.0),
+            Self::Hertz => times(1.5, root(simd, d, number)),
+            Self::Square => times(2.0, d),
+            Self::Cube => times(3.0, simd.mul_f64s(d, d)),
+            Self::Fifth => {
+                let square = simd.mul_f64s(d, d);
+                times(5.0, simd.mul_f64s(square, square))
+            }
+        }
+    }
 }
 
 /// [`Formula::Hertz`] where the compiler knows it.

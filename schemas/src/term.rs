@@ -31,17 +31,9 @@ pub trait Law: Debug {
     /// Slope dF/dδ (N/m).
     fn tangent(&self, stiffness: f64, overlap_m: f64) -> f64;
 
-    /// The same of a contact whose force (N) is known.
-    fn tangent_by_force(&self, stiffness: f64, overlap_m: f64, _force_n: f64) -> f64 {
-        self.tangent(stiffness, overlap_m)
-    }
-
     /// Energy (J) beyond that at rest, less the work of the force at rest, of a contact whose beads are `approach_m` nearer than
     /// at the rest overlap `rest_m`. `is_loaded` is true if any contact of the chain has a rest overlap.
     fn excess_j(&self, stiffness: f64, rest_m: f64, approach_m: f64, is_loaded: bool) -> f64;
-
-    /// Writes the force (N) of each of some contacts into `force_n`. Call it through [`vectorized`](crate::simd::vectorized).
-    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]);
 
     /// The exponent of a law that is 0 in open contacts, and a power of the overlap in closed ones.
     fn exponent(&self) -> Option<f64> {
@@ -92,15 +84,19 @@ pub trait InGroups: Law {
         overlap_m: &Group<G>,
         sum_n: &mut Group<G>,
     );
-}
 
-/// Writes `force(stiffness, overlap)` of each contact.
-#[inline(always)]
-fn each(stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64], force: impl Fn(f64, f64) -> f64) {
-    let count = force_n.len();
-    let (stiffness, overlap_m) = (&stiffness[..count], &overlap_m[..count]);
-    for c in 0..count {
-        force_n[c] = force(stiffness[c], overlap_m[c]);
+    /// Adds the slopes dF/dδ (N/m) of groups of contacts to `sums`.
+    #[inline(always)]
+    fn add_slopes<S: Simd, const G: usize>(
+        &self,
+        _: S,
+        [stiffness, overlap_m]: [&[[f64; G]]; 2],
+        sums: &mut [[f64; G]],
+    ) {
+        let contacts = stiffness.as_flattened().iter().zip(overlap_m.as_flattened());
+        for (sum, (stiffness, overlap_m)) in sums.as_flattened_mut().iter_mut().zip(contacts) {
+            *sum += self.tangent(*stiffness, *overlap_m);
+        }
     }
 }
 
@@ -127,13 +123,6 @@ macro_rules! laws {
         }
 
         impl TermLaw {
-            /// Writes the force (N) of each of some contacts into `force_n`. Call it through
-            /// [`vectorized`](crate::simd::vectorized).
-            #[inline(always)]
-            pub fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
-                match self { $(Self::$law(law) => law.forces(stiffness, overlap_m, force_n)),+ }
-            }
-
             /// Adds the forces (N) of a group of contacts to `sum_n`.
             #[inline(always)]
             pub fn add_to<S: Simd, const G: usize>(
@@ -146,16 +135,15 @@ macro_rules! laws {
                 match self { $(Self::$law(law) => law.add_to(simd, stiffness, overlap_m, sum_n)),+ }
             }
 
-            /// Adds the slope dF/dδ (N/m) of each of some contacts, whose forces (N) are known, to `slope`.
+            /// Adds the slopes dF/dδ (N/m) of groups of contacts, by their stiffnesses and overlaps (m), to `sums`.
             #[inline(always)]
-            pub fn add_slopes(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &[f64], slope: &mut [f64]) {
-                let count = slope.len();
-                let (stiffness, overlap_m, force_n) = (&stiffness[..count], &overlap_m[..count], &force_n[..count]);
-                match self {
-                    $(Self::$law(law) => for c in 0..count {
-                        slope[c] += law.tangent_by_force(stiffness[c], overlap_m[c], force_n[c]);
-                    }),+
-                }
+            pub fn add_slopes<S: Simd, const G: usize>(
+                &self,
+                simd: S,
+                contacts: [&[[f64; G]]; 2],
+                sums: &mut [[f64; G]],
+            ) {
+                match self { $(Self::$law(law) => law.add_slopes(simd, contacts, sums)),+ }
             }
         }
     };

@@ -11,7 +11,7 @@ use crate::drives::{Drives, Now};
 use crate::kernel::{Activity, Kernel, Pass, PerLane, Shake};
 use crate::pieces::Knots;
 use crate::state::ChainState;
-use crate::tangents::Tangents;
+use crate::tangents::{TOGETHER, Tangents};
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::method::Method;
@@ -104,7 +104,7 @@ pub(crate) struct Splitting {
     steps_together: u64,
     /// The step at which the kernel's forces were evaluated.
     forces_of_step: Option<u64>,
-    /// Drives and resonators, if there is more than contacts, springs and walls that stand still, or if tangents are carried.
+    /// Drives and resonators, if there is more than contacts, springs and walls that stand still.
     others: Option<Others>,
     /// Changes of the state that it carries with it.
     tangents: Option<Tangents>,
@@ -172,9 +172,9 @@ impl Splitting {
         Self { kernel, stages, dt_s, passes, steps_together: 0, forces_of_step: None, others, tangents }
     }
 
-    /// Carries `tangents` with the states of this run of `physics` and `chain`, from the state on that it is given next.
-    pub(crate) fn carry(&mut self, tangents: Tangents, physics: &Physics, chain: &Chain) {
-        self.others.get_or_insert_with(|| Others::of(physics, chain, &self.kernel)).have_sweeps = false;
+    /// Carries `tangents` with the states, from the state on that it is given next.
+    pub(crate) fn carry(&mut self, tangents: Tangents) {
+        self.kernel.keep_places();
         (self.tangents, self.forces_of_step) = (Some(tangents), None);
     }
 
@@ -192,7 +192,8 @@ impl Splitting {
 
     /// Advances `state` by as many steps as one sweep can make, at least by one and at most to step `last`; `baths` act between them.
     pub(crate) fn advance(&mut self, state: &mut ChainState, last: u64, baths: Option<&mut Baths>) {
-        let is_alone = baths.is_some() && (self.others.is_some() || !self.kernel.fits_in_a_tile());
+        let has_more = self.others.is_some() || self.tangents.is_some();
+        let is_alone = baths.is_some() && (has_more || !self.kernel.fits_in_a_tile());
         let last = if is_alone { state.step + 1 } else { last };
         if let Some(mut others) = self.others.take() {
             let knot = others.knots.next(state.step);
@@ -211,9 +212,11 @@ impl Splitting {
             state.v_m_s.iter_mut().for_each(|v| *v += 0.0);
             self.kernel.restart(Activity::of(&state.u_m, &state.v_m_s));
             self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
+            self.look_at(state, [0.0; 2], &[], &[]);
         }
         let ChainState { u_m, v_m_s, extra, step } = state;
         let steps = self.steps_to(*step, last);
+        let beads = self.looked_at(steps);
         let mut made = *step;
         let mut shake = baths.map(|baths| {
             move |v_m_s: &mut [f64]| {
@@ -224,14 +227,62 @@ impl Splitting {
         });
         let shake = shake.as_mut().map(|shake| shake as Shake<'_>);
         self.kernel.sweep_and_shake(&self.passes, u_m.whole(), v_m_s.whole(), shake);
+        self.carry_through(steps, &beads, v_m_s, |_| ([0.0; 2], &[]));
         *step += steps;
         self.forces_of_step = Some(*step);
     }
 
+    /// Lets the tangents look at a state which they have not come to, where the walls are at `walls_m` (m), at the resonators `w_m` (m), and
+    /// drives act as `now`.
+    fn look_at(&mut self, state: &ChainState, walls_m: [f64; 2], w_m: &[f64], now: &[Now]) {
+        let Some(tangents) = &mut self.tangents else { return };
+        tangents.settle();
+        tangents.look(&state.u_m, walls_m, &(0..state.u_m.len()));
+        tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], now);
+    }
+
+    /// The beads that move in a sweep of `steps`, if there are tangents which look at them.
+    fn looked_at(&self, steps: u64) -> Range<usize> {
+        if self.tangents.is_none() || self.kernel.active_beads().is_empty() {
+            return 0..0;
+        }
+        self.kernel.reached((steps * self.stages.passes_per_step()) as usize)
+    }
+
+    /// Carries the tangents through the last sweep, of `steps`, in which `beads` moved; tells where the walls (m) were and how drives acted at
+    /// each evaluation of forces. Those of a sweep do not depend on velocities.
+    fn carry_through<'a>(
+        &mut self,
+        steps: u64,
+        beads: &Range<usize>,
+        v_m_s: &[f64],
+        at: impl Fn(usize) -> ([f64; 2], &'a [Now]),
+    ) {
+        let (dt_s, mut evaluation) = (self.dt_s(), 0);
+        let Some(tangents) = &mut self.tangents else { return };
+        for _ in 0..steps {
+            for (b, a) in self.stages.kick_drift {
+                tangents.stage(b * dt_s, a * dt_s);
+                if !beads.is_empty() {
+                    let (u_m, (walls_m, now)) = (self.kernel.places_m(evaluation), at(evaluation));
+                    tangents.look(u_m, walls_m, beads);
+                    tangents.look_beside(0, [u_m, v_m_s, &[]], now);
+                }
+                evaluation += 1;
+            }
+            tangents.kick_at_the_end(self.stages.last_kick * dt_s);
+        }
+    }
+
     /// Number of steps from step `step` to `last` that one sweep can make; makes its passes.
     fn steps_to(&mut self, step: u64, last: u64) -> u64 {
-        let most = (self.kernel.passes_of_a_sweep() as u64 - 1) / self.stages.passes_per_step();
-        let steps = last.saturating_sub(step).clamp(1, most); // integers
+        let most = match self.tangents {
+            None => self.kernel.passes_of_a_sweep() - 1,
+            Some(_) if self.kernel.fits_in_a_tile() => TOGETHER,
+            Some(_) => 1,
+        };
+        let most = most as u64 / self.stages.passes_per_step();
+        let steps = last.saturating_sub(step).clamp(1, most.max(1)); // integers
         if self.steps_together != steps {
             self.passes = self.stages.passes(self.dt_s, steps);
             self.steps_together = steps;

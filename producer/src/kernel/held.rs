@@ -84,6 +84,11 @@ impl<const KIND: u8, const R: usize> WithSimd for Held<'_, '_, KIND, R> {
                 }
             }
             beads.press::<S, KIND>(simd, formula, sweep, evaluation);
+            if !sweep.places_m.is_empty() {
+                let row = &mut sweep.places_m[evaluation * sweep.force.len()..];
+                let registers = beads.u.iter().enumerate();
+                registers.for_each(|(number, u)| store::<S>(*u, row, number * S::F64_LANES));
+            }
             evaluation += 1;
         }
         let behind = sweep.count % S::F64_LANES;

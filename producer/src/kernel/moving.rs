@@ -126,6 +126,7 @@ impl Kernel {
                 ends: self.ends,
                 walls_m: &self.walls_m,
                 wall_forces_n: &mut [[PerLane::same(0.0); 2]],
+                places_m: &mut [],
                 law: &part.law,
                 shaken: &self.shaken,
                 shake: None,

@@ -87,6 +87,8 @@ impl Kernel {
         let evaluations = passes.iter().filter(|pass| pass.has_forces()).count();
         self.wall_forces_n.clear();
         self.wall_forces_n.resize(evaluations, [PerLane::same(0.0); 2]);
+        let kept = if self.keeps_places { evaluations } else { 0 };
+        self.places_m.resize(kept * self.force.len(), 0.0);
         let sweep = Sweep {
             passes,
             tile: if self.fits_in_a_tile() { with_room(self.count) } else { self.tile },
@@ -101,6 +103,7 @@ impl Kernel {
             ends: self.ends,
             walls_m: &self.walls_m,
             wall_forces_n: &mut self.wall_forces_n,
+            places_m: &mut self.places_m,
             law: &self.law,
             shaken: &self.shaken,
             shake: shake.map(|shake| shake as Shake<'_>),
@@ -200,6 +203,7 @@ pub(super) struct Sweep<'a> {
     pub(super) ends: Ends,
     pub(super) walls_m: &'a [[PerLane; 2]],
     pub(super) wall_forces_n: &'a mut [[PerLane; 2]],
+    pub(super) places_m: &'a mut [f64],
     pub(super) law: &'a ContactLaw,
     pub(super) shaken: &'a Shaken,
     pub(super) shake: Option<Shake<'a>>,
@@ -335,7 +339,11 @@ impl Sweep<'_> {
                         continue;
                     }
                 };
-                self.stage::<S, P, L, KIND>(simd, power, motion, part, evaluations);
+                self.stage::<S, P, L, KIND>(simd, power, motion, part.clone(), evaluations);
+                let row = evaluations * self.force.len();
+                if !self.places_m.is_empty() {
+                    self.places_m[row..][part.clone()].copy_from_slice(&self.u_m[part]);
+                }
                 evaluations += 1;
             }
             start = end;

@@ -4,7 +4,7 @@
 //! besides `(h/m)·(slopes·δu)` a kick of `h` adds `h·∂a/∂θ`, the change of the acceleration where the beads are. That is found as a difference
 //! between two chains beside that of the run, at the same state: `θ` may be any number of the configuration.
 
-use super::{NONE, NoTangent, Numbers};
+use super::{NONE, NoTangent, Numbers, SCALE};
 use crate::aligned::Padded;
 use crate::drives::{Acts, Drives, Now};
 use crate::kernel::{Activity, Kernel, Motion, TILE};
@@ -162,7 +162,7 @@ pub(super) fn find(
             for ((inverse, (below, above)), to) in
                 inverse.iter().zip(accelerations).zip(&mut to[number / LANES][row])
             {
-                to.0[number % LANES] = if *inverse > 0.0 { (above - below) / *apart } else { 0.0 };
+                to.0[number % LANES] = if *inverse > 0.0 { SCALE * ((above - below) / *apart) } else { 0.0 };
             }
         }
     }

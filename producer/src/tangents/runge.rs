@@ -9,7 +9,7 @@ use crate::kernel::Motion;
 use crate::tangents::slopes::Slopes;
 use pulp::{Arch, Simd, WithSimd};
 use schemas::chain::Chain;
-use schemas::simd::{LANES, in_vectors, load, store, vectorized};
+use schemas::simd::{LANES, in_vectors, load, store};
 
 /// The derivatives of the motion at the stages of a step.
 #[derive(Debug, Clone)]
@@ -54,12 +54,7 @@ impl Stages {
     /// Finds the derivative of the motion at `stage`.
     pub(super) fn look(&mut self, arch: Arch, stage: usize, motion: &Motion<'_>) {
         let (slopes, closed) = (&mut self.slopes[stage], &mut self.closed);
-        let jumps = vectorized(
-            arch,
-            #[inline(always)]
-            || slopes.find_moving(motion, closed),
-        );
-        self.has_jumped |= jumps;
+        self.has_jumped |= slopes.find_moving(arch, motion, closed);
     }
 
     /// The parts of the accelerations at `stage` that are not by the tangents.

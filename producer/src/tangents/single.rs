@@ -1,6 +1,7 @@
 //! One tangent alone: its numbers lie beside each other along the chain, instead of eight tangents in a register.
 
 use super::{Masses, Stage};
+use crate::aligned::Padded;
 use pulp::Arch;
 use schemas::simd::vectorized;
 
@@ -8,15 +9,15 @@ use schemas::simd::vectorized;
 #[derive(Debug, Clone)]
 pub(super) struct Single {
     /// Changes of displacements, velocities, and those of resonators.
-    pub(super) rows: [Vec<f64>; 4],
+    pub(super) rows: [Padded; 4],
     /// Changes of the forces of contacts, one more than beads.
-    force: Vec<f64>,
+    force: Padded,
 }
 
 impl Single {
     pub(super) fn zero(beads: usize, resonators: usize) -> Self {
-        let rows = [beads, beads, resonators, resonators].map(|count| vec![0.0; count]);
-        Self { rows, force: vec![0.0; beads + 1] }
+        let rows = [beads, beads, resonators, resonators].map(Padded::zeros);
+        Self { rows, force: Padded::zeros(beads + 1) }
     }
 
     /// Moves it through `stages`.
@@ -32,7 +33,7 @@ impl Single {
 
     #[inline(always)]
     fn make_stage(&mut self, stage: &Stage, masses: &Masses, is_ring: bool) {
-        let [u, v, w, w_v] = &mut self.rows;
+        let [u, v, w, w_v] = self.rows.each_mut().map(|row| &mut row[..]);
         let (beads, force) = (u.len(), &mut self.force[..]);
         let (contacts, kick_s, drift_s) = (&stage.contacts[..=beads], stage.kick_s, stage.drift_s);
         let (before, behind) = if is_ring { (u[beads - 1], u[0]) } else { (0.0, 0.0) };
@@ -59,17 +60,17 @@ impl Single {
             }
             w[i] += drift_s * w_v[i];
         }
-        let (force, inverse_mass) = (&force[..beads], &masses.inverse_mass[..beads]);
+        let (force, push_s_per_kg) = (&force[..beads], &stage.push_s_per_kg[..beads]);
         let (u, v) = (&mut u[..beads], &mut v[..beads]);
         if stage.is_twice {
             for i in 0..beads {
-                let change = (kick_s * inverse_mass[i]) * force[i];
+                let change = push_s_per_kg[i] * force[i];
                 v[i] = (v[i] + change) + change;
                 u[i] += drift_s * v[i];
             }
         } else {
             for i in 0..beads {
-                v[i] += (kick_s * inverse_mass[i]) * force[i];
+                v[i] += push_s_per_kg[i] * force[i];
                 u[i] += drift_s * v[i];
             }
         }

@@ -1,6 +1,6 @@
 //! Two-sided springs: `F = k·δ^n`, also where δ < 0.
 
-use super::{BondForm, InGroups, Law, TermLaw, each};
+use super::{BondForm, InGroups, Law, TermLaw};
 use crate::simd::{Group, load, store};
 use pulp::Simd;
 
@@ -75,17 +75,6 @@ impl Law for Spring {
             2 => stiffness * (a * a) * (rest_m + a / 3.0),
             _ => stiffness * (a * a) * ((1.5 * (rest_m * rest_m) + rest_m * a) + 0.25 * (a * a)),
         }
-    }
-
-    #[inline(always)]
-    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
-        each(
-            stiffness,
-            overlap_m,
-            force_n,
-            #[inline(always)]
-            |stiffness, overlap_m| self.force(stiffness, overlap_m),
-        );
     }
 }
 

@@ -3,7 +3,7 @@
 //! # Source
 //! M. Toda, J. Phys. Soc. Jpn. 22 (1967) 431, doi:10.1143/JPSJ.22.431.
 
-use super::{BondForm, InGroups, Law, TermLaw, each};
+use super::{BondForm, InGroups, Law, TermLaw};
 use crate::functions::{exp_m1, q2};
 use crate::simd::Group;
 use pulp::Simd;
@@ -40,13 +40,9 @@ impl Law for Toda {
         stiffness * (exp_m1(self.0 * overlap_m) / self.0)
     }
 
+    #[inline(always)]
     fn tangent(&self, stiffness: f64, overlap_m: f64) -> f64 {
         stiffness * (exp_m1(self.0 * overlap_m) + 1.0)
-    }
-
-    #[inline(always)]
-    fn tangent_by_force(&self, stiffness: f64, _: f64, force_n: f64) -> f64 {
-        stiffness + self.0 * force_n
     }
 
     fn excess_j(&self, stiffness: f64, rest_m: f64, approach_m: f64, _: bool) -> f64 {
@@ -54,17 +50,6 @@ impl Law for Toda {
         let x = b * a;
         let shape = if x.abs() <= 0.34 { a * a * q2(x) } else { (exp_m1(x) / b - a) / b };
         stiffness * (exp_m1(b * rest_m) + 1.0) * shape
-    }
-
-    #[inline(always)]
-    fn forces(&self, stiffness: &[f64], overlap_m: &[f64], force_n: &mut [f64]) {
-        each(
-            stiffness,
-            overlap_m,
-            force_n,
-            #[inline(always)]
-            |stiffness, overlap_m| self.force(stiffness, overlap_m),
-        );
     }
 
     /// With `x = b·a` for the approach `a`, and `e = energy·b²/at_rest`, `exp(x) − 1 − x = e`, so that `x ≤ √(2·e)` and

@@ -92,6 +92,7 @@ impl Splitting {
             self.start_with(others, state);
         }
         let (steps, stages, dt_s) = (self.steps_to(state.step, last), self.stages, self.dt_s());
+        let beads = self.looked_at(steps);
         let Others { rows, mass_kg, drives: Some(drives), now, before_kick, moments, .. } = others else {
             return;
         };
@@ -134,6 +135,10 @@ impl Splitting {
         let has_pushed = drives.pushed().next().is_some();
         let push = has_pushed.then_some(&mut push as Shake<'_>);
         self.kernel.sweep_and_shake(&self.passes, u_m.whole(), v_m_s.whole(), push);
+        self.carry_through(steps, &beads, v_m_s, |evaluation| {
+            let now = &moments[(evaluation + 1) * drives.count()..][..drives.count()];
+            (drives.walls(now)[0], now)
+        });
         let forces_n = self.kernel.wall_forces_n();
         for (kick_s, drifts) in stages.kicks(dt_s, steps) {
             let forces_n = if drifts == 0 { before_n } else { forces_n(drifts - 1) };
@@ -162,12 +167,8 @@ impl Splitting {
             self.kernel.move_walls(drives.walls(&others.now)[0]);
         }
         self.kernel.sweep(&[Pass::Forces], state.u_m.whole(), state.v_m_s.whole());
-        if let Some(tangents) = &mut self.tangents {
-            tangents.settle();
-            tangents.look(&state.u_m, others.walls_m(), &(0..state.u_m.len()));
-            let [w_m, _] = others.rows.resonators_of(&state.extra);
-            tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], &others.now);
-        }
+        let [w_m, _] = others.rows.resonators_of(&state.extra);
+        self.look_at(state, others.walls_m(), w_m, &others.now);
     }
 
     /// Puts the walls and beads that drives move at their places at `when`.

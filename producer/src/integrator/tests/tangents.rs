@@ -181,6 +181,47 @@ fn run_alone(physics: &Physics, start: &ChainState) -> ChainState {
     state
 }
 
+/// Many steps at once carry tangents as single steps do where most beads rest, in chains longer than a tile, too, and from a state that the
+/// integrator has not come to.
+#[test]
+fn tangents_of_a_front_do_not_depend_on_where_anyone_looks() {
+    let pushes = "[[drive]]\nbead = 40\nforce_n = { sine = { amplitude = 3.0, frequency_hz = 1e4 } }\n";
+    let moves = "[ends]\nleft = \"fixed\"\n[[drive]]\nwall = \"left\"\ndisplacement_m = { sine = { amplitude = 1e-6, frequency_hz = 1e4 } }\n";
+    for (beads, method, toml) in [
+        (300, Method::VelocityVerlet, ""),
+        (300, Method::Rkn4, pushes),
+        (60, Method::VelocityVerlet, moves),
+        (2500, Method::Rkn4, ""),
+        (2500, Method::VelocityVerlet, pushes),
+    ] {
+        let physics = physics(|c| {
+            with(c, toml);
+            (c.chain.beads, c.integrator.method, c.striker.bead) = (beads, method, 40);
+        });
+        let mut together = Integrator::with_tangents(&physics, 3).expect("a method that has tangents");
+        let mut one_by_one = together.clone();
+        for steps in [70, 90, 50] {
+            let mut states = [ChainState::initial(&physics), ChainState::initial(&physics)];
+            for integrator in [&mut together, &mut one_by_one] {
+                let tangents = integrator.tangents().expect("carried");
+                tangents.spread(&tangents.weights(physics.scales().time_s));
+            }
+            while states[0].step < steps {
+                together.advance(&mut states[0], steps);
+            }
+            while states[1].step < steps {
+                one_by_one.step(&mut states[1]);
+            }
+            assert_eq!(bits(&states[0]), bits(&states[1]));
+            for number in 0..3 {
+                let [many, single] = [&mut together, &mut one_by_one]
+                    .map(|integrator| integrator.tangents().expect("carried").tangent(number));
+                assert_eq!(many, single, "{beads} beads, {method}, {toml}, {steps} steps");
+            }
+        }
+    }
+}
+
 /// A chain of six beads pressed between walls.
 fn pressed(method: Method, change: impl FnOnce(&mut RunConfig)) -> Physics {
     physics(|c| {
