@@ -28,6 +28,7 @@ use schemas::simd::{Group, LANES, in_vectors, load, ordered_sum, store, vectoriz
 use single::Single;
 use slopes::Slopes;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Changes of the state of a run, each of [`dimension`](Self::dimension) numbers: of the displacements of all beads (m), their velocities
 /// (m/s), and, where they have resonators, of the displacements and velocities of those.
@@ -77,6 +78,15 @@ struct Masses {
     resonator_n_per_m: Vec<f64>,
 }
 
+impl Masses {
+    /// A kick of `kick_s` over the mass of each bead, and zeros behind the last one.
+    fn pushes(&self, kick_s: f64, count: usize) -> Padded {
+        let mut pushes = Padded::zeros(count);
+        pushes.iter_mut().zip(&self.inverse_mass).for_each(|(push, inverse)| *push = kick_s * inverse);
+        pushes
+    }
+}
+
 /// Reason why a run has no tangent.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the derivatives of steps by {0} are not computed; leave [integrator] out, or choose another method")]
@@ -102,7 +112,7 @@ impl Tangents {
             }
         }
         let (slopes, is_ring) = (Slopes::of(chain), chain.is_ring);
-        let stages_left = vec![Stage::of(chain.bead_count(), &slopes); TOGETHER];
+        let stages_left = vec![Stage::of(&slopes); TOGETHER];
         let (blocks, single, kick_left_s, left, stages) = (Vec::new(), None, 0.0, 0, None);
         let (beside, sources) = (Vec::new(), Vec::new());
         let mut none = Self {
@@ -288,6 +298,15 @@ impl Tangents {
         parts
     }
 
+    /// Finds the slopes of a state that they have not come to, where the beads are at `u_m` and the walls at `walls_m` (m).
+    pub(crate) fn look_at_all(&mut self, u_m: &[f64], walls_m: [f64; 2]) {
+        self.settle();
+        self.look(u_m, walls_m, &(0..u_m.len()));
+        for stage in &mut self.stages_left {
+            stage.contacts.copy_from_slice(&self.slopes.contacts);
+        }
+    }
+
     /// Finds the slopes at `beads`, those that have moved since a look at all of them, where the beads are at `u_m` and the walls at `walls_m` (m).
     pub(crate) fn look(&mut self, u_m: &[f64], walls_m: [f64; 2], beads: &Range<usize>) {
         self.slopes.find(self.arch, u_m, walls_m, beads);
@@ -322,20 +341,29 @@ impl Tangents {
         } else {
             self.make_kick_left();
         }
-        let Slopes { contacts, springs, .. } = &self.slopes;
-        let stage = &mut self.stages_left[self.left];
-        if stage.kick_s != kick_s {
-            let pushes = stage.push_s_per_kg.iter_mut().zip(&self.masses.inverse_mass);
-            pushes.for_each(|(push, inverse)| *push = kick_s * inverse);
-        }
-        (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
-        stage.contacts.copy_from_slice(contacts);
-        stage.springs.clone_from(springs);
-        stage.sources.clone_from(&self.sources);
+        self.add_stage(kick_s, drift_s, is_twice);
+        // the look that follows finds slopes where they may have changed since this stage was made last
+        std::mem::swap(&mut self.stages_left[self.left].contacts, &mut self.slopes.contacts);
         self.left += 1;
         if self.left == TOGETHER {
             self.make_stages_left();
         }
+    }
+
+    /// Writes the next stage, but for the slopes of its contacts.
+    fn add_stage(&mut self, kick_s: f64, drift_s: f64, is_twice: bool) {
+        if self.stages_left[self.left].kick_s != kick_s {
+            let other = self.stages_left.iter().find(|stage| stage.kick_s == kick_s);
+            let push_s_per_kg = other.map_or_else(
+                || Arc::new(self.masses.pushes(kick_s, self.slopes.contacts.len())),
+                |stage| Arc::clone(&stage.push_s_per_kg),
+            );
+            self.stages_left[self.left].push_s_per_kg = push_s_per_kg;
+        }
+        let stage = &mut self.stages_left[self.left];
+        (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
+        stage.springs.clone_from(&self.slopes.springs);
+        stage.sources.clone_from(&self.sources);
     }
 
     /// Makes the kick of `kick_s` that ends a step, when it is needed.
@@ -371,8 +399,14 @@ impl Tangents {
 
     fn make_kick_left(&mut self) {
         let left_s = std::mem::take(&mut self.kick_left_s);
-        if left_s != 0.0 {
-            self.stage(left_s, 0.0);
+        if left_s == 0.0 {
+            return;
+        }
+        self.add_stage(left_s, 0.0, false);
+        self.stages_left[self.left].contacts.copy_from_slice(&self.slopes.contacts);
+        self.left += 1;
+        if self.left == TOGETHER {
+            self.make_stages_left();
         }
     }
 
@@ -404,8 +438,8 @@ pub(crate) const TOGETHER: usize = 12;
 #[derive(Debug, Clone)]
 struct Stage {
     kick_s: f64,
-    /// The kick over the mass of each bead.
-    push_s_per_kg: Padded,
+    /// The kick over the mass of each bead, and zeros behind the last one.
+    push_s_per_kg: Arc<Padded>,
     drift_s: f64,
     is_twice: bool,
     contacts: Padded,
@@ -414,10 +448,10 @@ struct Stage {
 }
 
 impl Stage {
-    fn of(beads: usize, slopes: &Slopes) -> Self {
+    fn of(slopes: &Slopes) -> Self {
         Self {
             kick_s: 0.0,
-            push_s_per_kg: Padded::zeros(beads),
+            push_s_per_kg: Arc::new(Padded::zeros(slopes.contacts.len())),
             drift_s: 0.0,
             is_twice: false,
             contacts: slopes.contacts.clone(),

@@ -63,6 +63,8 @@ pub static OFFER: Offer = Offer {
 
 /// Steps between two looks for orthogonal changes, unless told.
 const INTERVAL_STEPS: u64 = 100;
+/// Steps that are made together, with one look at the chain. A live run goes on meanwhile, as far as its queue of frames goes.
+const TOGETHER: u64 = 12;
 /// Most steps between frames; of recordings with fewer frames those between are made again first.
 const MOST_STEPS: u64 = 10_000;
 /// Most parts of a run whose scatter gives the errors, and the fewest that do.
@@ -256,7 +258,7 @@ impl Lyapunov {
         self.growth.exponents_per_s(self.interval_s())
     }
 
-    /// Carries the changes to the step of `frame`.
+    /// Carries the changes some steps at a time towards the step of `frame`: no moment but the end of an interval tells anything.
     fn go_to(&mut self, frame: &Frame<'_>) {
         let Some(mut state) = self.state.take() else {
             if let Some(tangents) = self.integrator.tangents() {
@@ -265,9 +267,16 @@ impl Lyapunov {
             (self.state, self.first) = (Some(ChainState::of_frame(frame)), frame.step);
             return;
         };
-        while state.step < frame.step {
-            self.integrator.step(&mut state);
-            if !(state.step - self.first).is_multiple_of(self.every) {
+        loop {
+            let end = state.step - (state.step - self.first) % self.every + self.every;
+            let together = end.min(state.step + TOGETHER); // integers
+            if together > frame.step {
+                break;
+            }
+            while state.step < together {
+                self.integrator.advance(&mut state, together);
+            }
+            if state.step < end {
                 continue;
             }
             let Some(tangents) = self.integrator.tangents() else { break };

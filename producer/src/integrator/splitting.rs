@@ -236,8 +236,7 @@ impl Splitting {
     /// drives act as `now`.
     fn look_at(&mut self, state: &ChainState, walls_m: [f64; 2], w_m: &[f64], now: &[Now]) {
         let Some(tangents) = &mut self.tangents else { return };
-        tangents.settle();
-        tangents.look(&state.u_m, walls_m, &(0..state.u_m.len()));
+        tangents.look_at_all(&state.u_m, walls_m);
         tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], now);
     }
 

@@ -38,7 +38,7 @@ impl Mul<f64> for PerLane {
 }
 
 /// The arrangement of beads.
-pub(super) trait Layout: Copy {
+pub(crate) trait Layout: Copy {
     /// True if neighbours lie in one register.
     const IS_ALONG: bool = false;
 
@@ -54,7 +54,7 @@ pub(super) trait Layout: Copy {
 
 /// One chain: neighbours lie side by side in a register.
 #[derive(Clone, Copy)]
-pub(super) struct Along;
+pub(crate) struct Along;
 
 impl Layout for Along {
     const IS_ALONG: bool = true;
@@ -87,7 +87,7 @@ impl Layout for Along {
 
 /// The right neighbours of `here`, where `next` is the register after it.
 #[inline(always)]
-pub(super) fn right<S: Simd>(simd: S, here: S::f64s, next: S::f64s) -> S::f64s {
+pub(crate) fn right<S: Simd>(simd: S, here: S::f64s, next: S::f64s) -> S::f64s {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = is::<V4>(&simd) {
         let [here, next] = [here, next].map(bytemuck::cast);

@@ -6,13 +6,16 @@ use pulp::{Arch, Simd, WithSimd};
 use schemas::chain::Chain;
 use schemas::contact::BLOCK;
 use schemas::damping::{ContactDamping, Factor};
-use schemas::simd::{Group, LANES, in_vectors};
+use schemas::simd::{Group, in_vectors};
 use schemas::sites::Sites;
 use schemas::term::TermLaw;
 use std::ops::Range;
 
-/// Contacts that are looked at together.
+/// Contacts in registers at a time.
 const GROUP: usize = 16;
+
+/// Contacts that are looked at together.
+const TOGETHER: usize = 256;
 
 /// Slopes dF/dδ (N/m) of all contacts, and of the springs that hold the beads, at displacements of the chain.
 #[derive(Debug, Clone)]
@@ -146,16 +149,6 @@ impl Slopes {
         let last = u_m.len() - 1;
         let first = if beads.start == 0 { 1 } else { beads.start };
         let between = first..if beads.end > last { last + 1 } else { beads.end + 1 };
-        // from a whole register on, so that but one load of each lies across two lines of the cache
-        let whole = between.start.next_multiple_of(LANES);
-        let whole = if whole < between.end { whole } else { between.end };
-        for part in [between.start..whole, whole..between.end] {
-            let (of_left, of_right) = (&u_m[part.start - 1..part.end - 1], &u_m[part.clone()]);
-            let (rest_m, overlap_m) = (&self.rest_m[part.clone()], &mut self.overlap_m[part]);
-            for (c, overlap_m) in overlap_m.iter_mut().enumerate() {
-                *overlap_m = (of_left[c] - of_right[c]) + rest_m[c];
-            }
-        }
         let approaches_m = if self.is_ring {
             [u_m[last] - u_m[0]; 2]
         } else {
@@ -165,10 +158,21 @@ impl Slopes {
             self.overlap_m[contact] =
                 if self.have_wall[side] { approaches_m[side] + self.rest_m[contact] } else { 0.0 };
         }
-        if between.len() == last {
-            self.find_by_overlap(simd, &(0..self.contacts.len()));
-        } else {
-            for part in [between, 0..1, last + 1..last + 2] {
+        let mut start = between.start;
+        while start < between.end {
+            // what is together in the first cache, from a whole group on
+            let end = (start + 1).next_multiple_of(TOGETHER);
+            let part = start..if end < between.end { end } else { between.end };
+            let (of_left, of_right) = (&u_m[part.start - 1..part.end - 1], &u_m[part.clone()]);
+            let (rest_m, overlap_m) = (&self.rest_m[part.clone()], &mut self.overlap_m[part.clone()]);
+            for (c, overlap_m) in overlap_m.iter_mut().enumerate() {
+                *overlap_m = (of_left[c] - of_right[c]) + rest_m[c];
+            }
+            start = part.end;
+            self.find_by_overlap(simd, &part);
+        }
+        for part in [0..1, last + 1..last + 2] {
+            if !(between.start / GROUP..between.end.div_ceil(GROUP)).contains(&(part.start / GROUP)) {
                 self.find_by_overlap(simd, &part);
             }
         }
