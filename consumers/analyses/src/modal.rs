@@ -86,7 +86,9 @@ fn entropy_of(energies_j: &[f64]) -> f64 {
             let sum_j = ordered_sum([energies_j], |[energy_j]| energy_j);
             let of = |[energy_j]: [f64; 1]| {
                 let part = energy_j / sum_j;
-                if part >= f64::MIN_POSITIVE { part * ln(part) } else { 0.0 }
+                // whatever comes of nothing is left out: without a choice before the logarithm a loop makes vectors of it
+                let product = part * ln(part);
+                if part >= f64::MIN_POSITIVE { product } else { 0.0 }
             };
             if sum_j > 0.0 { 0.0 - ordered_sum([energies_j], of) } else { f64::NAN }
         },

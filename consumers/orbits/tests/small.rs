@@ -93,6 +93,11 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                         }
                         Err(error) => panic!("{what}: {error}"),
                     };
+                    // of two modes of one frequency the other one is as large as it came out: not small
+                    let largest_m = orbit.state.u_m.iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+                    if ends == "periodic" && largest_m > 3e-9 {
+                        continue;
+                    }
                     let omega = modes.omega_rad_s()[number - 1];
                     let period_s = std::f64::consts::TAU / omega;
                     // errors of the method, of second or fourth order in the step
@@ -112,7 +117,7 @@ fn small_orbits_of_every_kind_turn_as_the_linear_modes() {
                         // a defective pair at 1 or −1 is good to the root of an error
                         let is_defective = expected.abs() > 1.0 - 1e-3;
                         let tolerance = match (method, is_defective) {
-                            ("rkn4", false) => 1e-7,
+                            ("rkn4", false) => 1e-8,
                             ("rkn4", true) => 1e-3,
                             _ => 2e-2,
                         };

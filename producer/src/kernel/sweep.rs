@@ -401,6 +401,8 @@ impl Sweep<'_> {
         let ends = self.neighbours::<S, L, KIND>(simd, motion, evaluation);
         let mut before = if part.start == 0 { ends.left_m } else { L::before(simd, self.u_m, part.start) };
         let last = ends.behind - ends.behind % GROUP;
+        let is_ring = self.ends.is_ring;
+        let part = if is_ring { part.start..ends.behind.next_multiple_of(GROUP) } else { part };
         let constants = self.constants;
         let laws = Laws {
             power,
@@ -417,11 +419,16 @@ impl Sweep<'_> {
             let motion = of_shaken.filter(|_| piece % 2 == 1).unwrap_or(motion);
             before = self.groups::<S, P, L, KIND>(simd, laws, motion, before, numbers, (last, ends));
         }
+        if is_ring {
+            // the contact behind the last bead is the first one, whatever was found there
+            self.force.copy_within(..stride, ends.behind);
+            self.presses[last / GROUP] |= self.force[..stride].iter().any(|force| *force != 0.0);
+        }
         let wall = &mut self.wall_forces_n[evaluation];
         if part.start == 0 {
             wall[0].0[..stride].copy_from_slice(&self.force[..stride]);
         }
-        if part.contains(&ends.behind) {
+        if is_ring || part.contains(&ends.behind) {
             wall[1].0[..stride].copy_from_slice(&self.force[ends.behind..ends.behind + stride]);
         }
     }
@@ -489,8 +496,7 @@ impl Sweep<'_> {
             return Neighbours { left_m: left.load::<S>(), right_m: right.load::<S>(), are_there, behind };
         }
         let left_m = self.place_of::<S, L, KIND>(simd, motion, self.count - 1);
-        let right_m = self.place_of::<S, L, KIND>(simd, motion, 0);
-        Neighbours { left_m, right_m, are_there, behind }
+        Neighbours { left_m, right_m: left_m, are_there, behind }
     }
 
     /// The place of `bead` where this stage ends, as its own group will find it.
