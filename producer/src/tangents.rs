@@ -60,7 +60,7 @@ type Numbers = Vec<Group<LANES>>;
 const NONE: Group<LANES> = Group([0.0; LANES]);
 
 /// Factor of all numbers that are carried, a power of two: a change of one bead reaches the others with numbers so small that unscaled they
-/// were subnormal, whose operations take a hundred times as long.
+/// were subnormal, whose operations take a hundred times as long. Tangents from `2^511` on are infinite.
 const SCALE: f64 = f64::from_bits((1023 + 512) << 52);
 
 /// Eight tangents: of displacements, velocities, and those of resonators.

@@ -226,10 +226,11 @@ fn what_a_store_refuses_is_said() {
     let info = |url: &str| server.start_s3(&place, &format!("info {url}")).wait().exits(2);
     info("s3://bucket/other.mcap").says(&["s3://bucket/other.mcap", "no such object"]);
     let error = |code: &str| -> &'static str { format!("<Error><Code>{code}</Code></Error>").leak() };
-    server.faults([Fault::Status(404, error("NoSuchBucket"))]);
+    server.always(Some(Fault::Status(404, error("NoSuchBucket"))));
     info("s3://buckte/sparse.mcap").says(&["s3://buckte/sparse.mcap", "no such bucket"]);
-    server.faults([Fault::Status(403, error("InvalidAccessKeyId"))]);
+    server.always(Some(Fault::Status(403, error("InvalidAccessKeyId"))));
     info("s3://bucket/sparse.mcap").says(&["access denied: InvalidAccessKeyId", "AWS_ACCESS_KEY_ID"]);
+    server.always(None);
     info("s3://bucket/").says(&["no object is named", "s3://BUCKET/KEY"]);
     fs::write(place.path("text"), "not a recording").unwrap();
     server.put("bucket/text", &place.path("text"));

@@ -216,7 +216,7 @@ impl Splitting {
         }
         let ChainState { u_m, v_m_s, extra, step } = state;
         let steps = self.steps_to(*step, last);
-        let beads = self.looked_at(steps);
+        let beads = self.looked_at();
         let mut made = *step;
         let mut shake = baths.map(|baths| {
             move |v_m_s: &mut [f64]| {
@@ -240,12 +240,13 @@ impl Splitting {
         tangents.look_beside(0, [&state.u_m, &state.v_m_s, w_m], now);
     }
 
-    /// The beads that move in a sweep of `steps`, if there are tangents which look at them.
-    fn looked_at(&self, steps: u64) -> Range<usize> {
+    /// The beads that move in the next sweep, if there are tangents which look at them.
+    fn looked_at(&self) -> Range<usize> {
         if self.tangents.is_none() || self.kernel.active_beads().is_empty() {
             return 0..0;
         }
-        self.kernel.reached((steps * self.stages.passes_per_step()) as usize)
+        // all passes but the last kick evaluate forces
+        self.kernel.reached(self.passes.len() - 1)
     }
 
     /// Carries the tangents through the last sweep, of `steps`, in which `beads` moved; tells where the walls (m) were and how drives acted at

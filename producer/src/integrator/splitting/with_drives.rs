@@ -92,7 +92,7 @@ impl Splitting {
             self.start_with(others, state);
         }
         let (steps, stages, dt_s) = (self.steps_to(state.step, last), self.stages, self.dt_s());
-        let beads = self.looked_at(steps);
+        let beads = self.looked_at();
         let Others { rows, mass_kg, drives: Some(drives), now, before_kick, moments, .. } = others else {
             return;
         };
