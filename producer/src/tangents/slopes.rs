@@ -172,7 +172,8 @@ impl Slopes {
             self.find_by_overlap(simd, &part);
         }
         for part in [0..1, last + 1..last + 2] {
-            if !(between.start / GROUP..between.end.div_ceil(GROUP)).contains(&(part.start / GROUP)) {
+            let found = between.start / GROUP..between.end.div_ceil(GROUP);
+            if between.is_empty() || !found.contains(&(part.start / GROUP)) {
                 self.find_by_overlap(simd, &part);
             }
         }
