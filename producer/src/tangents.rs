@@ -341,16 +341,12 @@ impl Tangents {
         } else {
             self.make_kick_left();
         }
-        self.add_stage(kick_s, drift_s, is_twice);
         // the look that follows finds slopes where they may have changed since this stage was made last
         std::mem::swap(&mut self.stages_left[self.left].contacts, &mut self.slopes.contacts);
-        self.left += 1;
-        if self.left == TOGETHER {
-            self.make_stages_left();
-        }
+        self.add_stage(kick_s, drift_s, is_twice);
     }
 
-    /// Writes the next stage, but for the slopes of its contacts.
+    /// Adds the next stage, which has the slopes of its contacts.
     fn add_stage(&mut self, kick_s: f64, drift_s: f64, is_twice: bool) {
         if self.stages_left[self.left].kick_s != kick_s {
             let other = self.stages_left.iter().find(|stage| stage.kick_s == kick_s);
@@ -364,6 +360,10 @@ impl Tangents {
         (stage.kick_s, stage.drift_s, stage.is_twice) = (kick_s, drift_s, is_twice);
         stage.springs.clone_from(&self.slopes.springs);
         stage.sources.clone_from(&self.sources);
+        self.left += 1;
+        if self.left == TOGETHER {
+            self.make_stages_left();
+        }
     }
 
     /// Makes the kick of `kick_s` that ends a step, when it is needed.
@@ -402,12 +402,9 @@ impl Tangents {
         if left_s == 0.0 {
             return;
         }
-        self.add_stage(left_s, 0.0, false);
+        // nobody looks before the next stage, which has the same slopes
         self.stages_left[self.left].contacts.copy_from_slice(&self.slopes.contacts);
-        self.left += 1;
-        if self.left == TOGETHER {
-            self.make_stages_left();
-        }
+        self.add_stage(left_s, 0.0, false);
     }
 
     fn make_stages_left(&mut self) {
