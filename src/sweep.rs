@@ -141,7 +141,7 @@ pub(crate) fn compute(
     }
     let pending =
         Pending { directory: &directory, rows: &rows, shard: options.shard, record: options.record };
-    let guess = pending.guess(sweep, pending.indices().count() as u64);
+    let guess = Guess::of(sweep, pending.indices().count() as u64, pending.indices());
     work::announce(sweep, guess.count, options.shard);
     if options.record {
         directory.make_recordings()?;

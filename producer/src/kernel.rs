@@ -106,7 +106,7 @@ pub struct Kernel {
     /// The places of the walls (m) at each evaluation of forces in a sweep; the last entry serves for all further
     /// evaluations.
     walls_m: Vec<[PerLane; 2]>,
-    /// The forces (N) of both walls at each evaluation of the last sweep.
+    /// The forces (N) of both walls at each evaluation of the last sweep; none of walls that stand still in it.
     wall_forces_n: Vec<[PerLane; 2]>,
     /// Displacements (m) at each evaluation of the last sweep, in rows, of those that it went over; zeros elsewhere. None unless they are kept.
     places_m: AVec<f64>,
@@ -253,15 +253,18 @@ impl Kernel {
     pub(crate) fn move_walls(&mut self, walls_m: [f64; 2]) {
         self.walls_m.clear();
         self.walls_m.push(walls_m.map(PerLane::same));
+        self.wall_forces_n.clear();
     }
 
-    /// Sets the places of the walls (m) at each evaluation of forces in the next sweep.
+    /// Sets the places of the walls (m) at each evaluation of forces in the next sweep, which keeps their forces.
     pub(crate) fn move_walls_along(&mut self, walls_m: impl Iterator<Item = [f64; 2]>) {
         self.walls_m.clear();
         self.walls_m.extend(walls_m.map(|walls_m| walls_m.map(PerLane::same)));
+        self.wall_forces_n.clear();
+        self.wall_forces_n.resize(self.walls_m.len(), [PerLane::same(0.0); 2]);
     }
 
-    /// The forces (N) of the walls at each evaluation of the last sweep.
+    /// The forces (N) of the walls at each evaluation of the last sweep, if they [moved](Self::move_walls_along).
     pub(crate) fn wall_forces_n(&self) -> impl Fn(usize) -> [f64; 2] {
         |evaluation| self.wall_forces_n[evaluation].map(|force| force.0[0])
     }

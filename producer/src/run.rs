@@ -54,10 +54,7 @@ pub enum RunError<P: Error + 'static, R: Error + 'static> {
         source: R,
     },
     /// The dynamics left the range of doubles.
-    #[error(
-        "bead {bead} is not finite at step {step} (u = {u_m} m, v = {v_m_s} m/s): \
-         the time step is too long for this chain; choose a smaller dt"
-    )]
+    #[error("bead {bead} is not finite at step {step} (u = {u_m} m, v = {v_m_s} m/s): {why}")]
     NonFinite {
         /// The step.
         step: u64,
@@ -67,6 +64,8 @@ pub enum RunError<P: Error + 'static, R: Error + 'static> {
         u_m: f64,
         /// Its velocity (m/s).
         v_m_s: f64,
+        /// The likely reason, and what to do ([`Physics::why_not_finite`]).
+        why: &'static str,
     },
 }
 
@@ -284,7 +283,13 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
     fn check(&self, found: Option<usize>) -> Result<(), RunError<P::Error, R::Error>> {
         let Some(bead) = found else { return Ok(()) };
         let (u_m, v_m_s) = (self.state.u_m[bead], self.state.v_m_s[bead]);
-        Err(RunError::NonFinite { step: self.state.step, bead, u_m, v_m_s })
+        Err(RunError::NonFinite {
+            step: self.state.step,
+            bead,
+            u_m,
+            v_m_s,
+            why: self.manifest.physics.why_not_finite(),
+        })
     }
 
     /// Makes the rest of the run.

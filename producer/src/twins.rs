@@ -53,10 +53,7 @@ pub struct Together<'a> {
 
 /// The dynamics left the range of doubles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "bead {bead} of {which} is not finite before step {step}: the time step is too long for this chain; \
-     choose a smaller dt"
-)]
+#[error("bead {bead} of {which} is not finite before step {step}: {why}")]
 pub struct NonFinite {
     /// The run, or the name of the twin.
     pub which: &'static str,
@@ -64,6 +61,8 @@ pub struct NonFinite {
     pub step: u64,
     /// The first such bead.
     pub bead: usize,
+    /// The likely reason, and what to do ([`Physics::why_not_finite`]).
+    pub why: &'static str,
 }
 
 #[derive(Debug, Clone)]
@@ -110,9 +109,12 @@ impl Twins {
     /// When a state is not finite.
     pub fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {
         let steps = step.saturating_sub(self.run.state.step); // integers
-        [&mut self.run, &mut self.halved, &mut self.quartered, &mut self.moved]
-            .into_iter()
-            .try_for_each(|sibling| sibling.advance_to(step))?;
+        let Self { physics, run, halved, quartered, moved, .. } = &mut *self;
+        for sibling in [run, halved, quartered, moved] {
+            if let Some(bead) = sibling.advance_to(step) {
+                return Err(NonFinite { which: sibling.which, step, bead, why: physics.why_not_finite() });
+            }
+        }
         if let Some(tangents) = self.run.integrator.tangents() {
             self.roundings.add(tangents, &self.run.state, steps);
             self.tangent = Some(tangents.tangent(0));
@@ -150,18 +152,16 @@ impl Sibling {
         Frame { frame: step, step, time_s, u_m, v_m_s, extra, active: None }
     }
 
-    fn advance_to(&mut self, step: u64) -> Result<(), NonFinite> {
+    /// Advances to step `step` of the run; the first bead that is not finite there.
+    fn advance_to(&mut self, step: u64) -> Option<usize> {
         let last = step * self.steps_in_step;
         if self.state.step >= last {
-            return Ok(());
+            return None;
         }
         while self.state.step < last {
             self.integrator.advance(&mut self.state, last);
         }
-        match self.integrator.first_non_finite(&self.state) {
-            None => Ok(()),
-            Some(bead) => Err(NonFinite { which: self.which, step, bead }),
-        }
+        self.integrator.first_non_finite(&self.state)
     }
 }
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ._comparison import Comparison, Difference, compare
     from ._fields import FieldArray
     from ._files import Verdict, View
-    from ._orbit import Orbit, orbit
+    from ._orbit import Orbit, OrbitMap, orbit
     from ._recording import Recording, State, open
     from ._run import Run, Simulation, preset, presets, simulate
     from ._sweep import sweep
@@ -75,7 +75,7 @@ _PLACES = {
         "consumer",
         "live_runs",
     ),
-    "_orbit": ("Orbit", "orbit"),
+    "_orbit": ("Orbit", "OrbitMap", "orbit"),
     "_recording": ("Recording", "State", "open"),
     "_run": ("Run", "Simulation", "preset", "presets", "simulate"),
     "_sweep": ("sweep",),
@@ -115,6 +115,7 @@ __all__ = [
     "MissingExtraError",
     "Motion",
     "Orbit",
+    "OrbitMap",
     "Pulses",
     "Recording",
     "RecordingError",

@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +87,32 @@ class Orbit:
         Raises:
             CommandError: If the branch has no first orbit.
         """
+        config = self._from_here([key])
+        value: Any = config
+        for part in parts_of(key):
+            value = value[part]
+        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most, "branches": branches}
+        config["continue"] = {name: one for name, one in follow.items() if one is not None}
+        return Orbit(out, *_found(config, out, force))
+
+    def map(self, grid: Mapping[str, Iterable[float]], out: str | os.PathLike[str], *, force: bool = False) -> OrbitMap:
+        """Finds the orbit at each pair of values of two keys, and whether it is stable.
+
+        Args:
+            grid: Two keys of a configuration with the table ``orbit``, and the values of each, which rise or fall. Orbits along the second
+                key are found one after the other, from this orbit on.
+            out: A directory for the results. A map that was interrupted goes on there.
+            force: Replace the results in the directory.
+
+        Raises:
+            CommandValueError: If there are other than two keys, or the chain has no orbits.
+        """
+        values = {key: [float(value) for value in values] for key, values in grid.items()}
+        summary, _ = _found({**self._from_here(values), "grid": values}, out, force)
+        return OrbitMap(out, summary, values)
+
+    def _from_here(self, keys: Iterable[str]) -> dict[str, Any]:
+        """An orbit file that begins at this orbit, and asks for one by those of these keys that tell which."""
         config = tomllib.loads(self._text)
         beginning = self.recording[0]
         config.pop("striker", None)
@@ -99,21 +125,42 @@ class Orbit:
             "orbit.energy_j": self.energy_j,
             "orbit.amplitude_m": float(beginning.displacement_m[np.abs(beginning.displacement_m).argmax()]),
         }
-        if key in quantities:
+        for key in quantities.keys() & set(keys):
             # another quantity may have been asked for
             for name in ("energy_j", "amplitude_m"):
                 asked.pop(name, None)
             asked[key.removeprefix("orbit.")] = quantities[key]
-        value: Any = config
-        for part in parts_of(key):
-            value = value[part]
         config["initial"] = initial_of(beginning)
-        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most, "branches": branches}
-        return _found({**config, "continue": {name: one for name, one in follow.items() if one is not None}}, out, force)
+        return config
 
     def __repr__(self) -> str:
         way = {True: "stable", False: "unstable", None: "stable as far as known"}[self.is_stable]
         return f"Orbit(period_s={self.period_s!r}, energy_j={self.energy_j!r}, {way})"
+
+
+class OrbitMap:
+    """Orbits at all pairs of values of two keys, in a directory of results."""
+
+    def __init__(self, directory: str | os.PathLike[str], summary: Json, values: Mapping[str, list[float]]) -> None:
+        #: The directory; its ``map.png`` shows where the orbits are stable.
+        self.path = Path(directory)
+        #: The two keys, and their values.
+        self.values = {key: np.array(of_key) for key, of_key in values.items()}
+        #: The number of points by ``"stable"``, the name of an instability, or ``"no orbit found"``.
+        self.stability: dict[str, int] = summary["stability"]
+
+    @property
+    def table(self) -> Table:
+        """The points, of which those along the second key are neighbours: both keys, ``period_s``, ``energy_j``, ``amplitude_m``, ``largest_multiplier``,
+        ``unstable``, ``returns``, ``largest_angle_rad``, ``stability``. All but keys and stability are empty where no orbit was found."""
+        return read_csv(self.path / "map.csv")
+
+    def column(self, name: str) -> npt.NDArray[Any]:
+        """A column of the table as an array over the values of both keys."""
+        return self.table[name].reshape([len(of_key) for of_key in self.values.values()])
+
+    def __repr__(self) -> str:
+        return f"OrbitMap({', '.join(f'{name}: {count}' for name, count in self.stability.items())})"
 
 
 def orbit(
@@ -160,11 +207,11 @@ def orbit(
     asked |= {name: count(name, one) for name, one in counts.items() if one is not None}
     if mode is not None:
         asked["mode"] = dict(mode)
-    return _found({**config, "orbit": asked}, out, force)
+    return Orbit(out, *_found({**config, "orbit": asked}, out, force))
 
 
-def _found(config: Mapping[str, Any], out: str | os.PathLike[str], force: bool) -> Orbit:
-    """The orbit, or the branch, of an orbit file."""
+def _found(config: Mapping[str, Any], out: str | os.PathLike[str], force: bool) -> tuple[Json, str]:
+    """What the command says of an orbit file, and the file."""
     text = _toml(config)
     flags = [f"--out={os.fspath(out)}", *(["--force"] if force else [])]
     with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
@@ -176,4 +223,4 @@ def _found(config: Mapping[str, Any], out: str | os.PathLike[str], force: bool) 
             # nobody has seen this file
             error.args = (re.sub(rf"{re.escape(path)}(:\d+)?: ", "", str(error)),)
             raise
-    return Orbit(out, summary, text)
+    return summary, text

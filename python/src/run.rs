@@ -391,7 +391,8 @@ impl Simulation {
         let Some(bead) = lost.filter(|_| steps > 0) else { return Ok(()) };
         let step = self.state.step;
         let (u_m, v_m_s) = (self.state.u_m[bead], self.state.v_m_s[bead]);
-        Err(Why::from(RunError::<Infallible, Infallible>::NonFinite { step, bead, u_m, v_m_s }).into())
+        let why = self.manifest.physics.why_not_finite();
+        Err(Why::from(RunError::<Infallible, Infallible>::NonFinite { step, bead, u_m, v_m_s, why }).into())
     }
 
     #[getter]

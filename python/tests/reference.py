@@ -20,7 +20,7 @@ CHAPTERS = {
     "Runs": ["Chain", "Run", "simulate", "Simulation", "preset", "presets"],
     "Recordings": ["open", "Recording", "State", "FieldArray", "Verdict", "View", "compare", "Comparison", "Difference"],
     "Tables": ["Table", "Motion", "Pulses", "Forces"],
-    "Orbits": ["orbit", "Orbit"],
+    "Orbits": ["orbit", "Orbit", "OrbitMap"],
     "Sweeps": ["sweep"],
     "Live runs": [
         "attach",

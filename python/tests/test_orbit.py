@@ -49,6 +49,19 @@ def test_a_driven_chain_follows_its_drive(tmp_path: Path) -> None:
     assert found.period_s == pytest.approx(1 / 0.3)
     # drag shrinks volumes by exp(−T·Σγ/m)
     assert abs(np.prod(found.multipliers)) == pytest.approx(np.exp(-0.25 / 0.3), rel=1e-8)
+    # over two keys, line by line, each of them from this orbit on
+    sine = "drive[0].displacement_m.sine"
+    grid = {f"{sine}.frequency_hz": (0.298, 0.3, 0.302), f"{sine}.amplitude": np.linspace(0.1, 0.2, 2)}
+    shown = found.map(grid, tmp_path / "map")
+    assert shown.stability == {"stable": 6} and (shown.path / "map.png").exists()
+    sizes = shown.column("largest_multiplier")
+    assert sizes.shape == (3, 2)
+    assert list(shown.table[f"{sine}.amplitude"]) == [0.1, 0.2] * 3
+    assert sizes[1, 1] == pytest.approx(np.abs(found.multipliers).max(), rel=1e-6)
+    with pytest.raises(bl.CommandValueError, match="allowed: two"):
+        found.map({f"{sine}.amplitude": [0.1, 0.2]}, tmp_path / "line")
+    with pytest.raises(bl.CommandError, match="another orbit file"):
+        found.map(grid, tmp_path / "shaken")
 
 
 def test_an_orbit_that_is_not_there_says_why(tmp_path: Path) -> None:

@@ -62,10 +62,21 @@ pub struct BondForm {
     pub allowed: &'static str,
     /// True if the stiffness is the slope at rest (N/m), which the scales are made of.
     pub is_slope: bool,
-    /// True if its energy has a bottom.
-    pub holds: bool,
+    /// The pulls that its energy holds.
+    pub holds: Holds,
     /// The law with a parameter, if it has one.
     pub law: fn(f64) -> TermLaw,
+}
+
+/// The pulls of a bond that the energy of a law holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holds {
+    /// None: alone it has no bottom.
+    None,
+    /// Those up to an edge, beside a law that holds none.
+    Weak,
+    /// All.
+    All,
 }
 
 impl PartialEq for BondForm {

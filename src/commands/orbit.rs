@@ -219,6 +219,8 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
     rows.add("frequency", format_args!("{}{place}", quantity(1.0 / orbit.period_s(), "Hz")));
     rows.add("energy", quantity(orbit.energy_j, "J"));
     rows.add("largest displacement", quantity(orbit.amplitude_m(), "m"));
+    let asked = orbit.surpassed().map(|(bead, size_m)| format!("{}, of bead {bead}", quantity(size_m, "m")));
+    rows.each("asked for", asked);
     rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
     let unstable: Vec<_> = orbit.multipliers.unstable().collect();
     rows.add(
@@ -259,6 +261,7 @@ fn told(orbit: &Orbit) -> Value {
         "dt_s": orbit.physics.dt_s,
         "energy_j": orbit.energy_j,
         "amplitude_m": orbit.amplitude_m(),
+        "asked_bead": orbit.asked_bead,
         "residuals": orbit.residuals,
         "returns": orbit.returns,
         "is_stable": orbit.multipliers.is_stable(),
@@ -488,7 +491,7 @@ impl<'a> Branch<'a> {
         place.draw("multipliers.png", &shown::multipliers(words(last), &last.multipliers))?;
         let branches = told_branches(come, ends);
         let told = json!({
-            "key": self.key, "orbits": come.rows.len(), "end": end_word(&ends[0]), "changes": come.changes, "branches": branches,
+            "key": self.key, "orbits": come.rows.len(), "end": ends[0].as_str(), "changes": come.changes, "branches": branches,
             "last": told(last), "runs": runs,
         });
         place.write_report(&told)?;
@@ -556,7 +559,7 @@ fn told_branches(come: &Come, ends: &[End]) -> Vec<Value> {
         let (from_word, to_word) = (number(from), number(to));
         let words = format!("{branch}: {}{of}, from {from_word} to {to_word}", counted(orbits, "orbit"));
         json!({
-            "branch": branch, "words": words, "orbits": orbits, "periods": periods, "from": from, "to": to, "end": end_word(end),
+            "branch": branch, "words": words, "orbits": orbits, "periods": periods, "from": from, "to": to, "end": end.as_str(),
             "last": told(last),
         })
     });
@@ -568,17 +571,6 @@ fn told_words(change: &Value) -> String {
     let at = change["row"][0].as_f64().map_or_else(String::new, number);
     let none = change["bears_none"].as_str().map_or_else(String::new, |why| format!("; {why}"));
     format!("at {at}: {}{none}", change["words"].as_str().unwrap_or_default())
-}
-
-fn end_word(end: &End) -> &'static str {
-    match end {
-        End::Reached => "reached",
-        End::CameBack => "came-back",
-        End::Closed => "closed",
-        End::Most => "most",
-        End::Lost(_) => "lost",
-        End::Stopped => "stopped",
-    }
 }
 
 /// A change of stability before row `before` as JSON.

@@ -65,21 +65,6 @@ impl Pending<'_> {
         let shard = (self.shard.number..self.rows.all).step_by(step);
         shard.filter(move |index| !(self.rows.has(*index) && has_recording(*index)))
     }
-
-    /// Their likely cost, from some that lie evenly among all `count`.
-    pub(super) fn guess(&self, sweep: &Sweep, count: u64) -> Guess {
-        let step = usize::try_from(count).unwrap_or(usize::MAX).div_ceil(LOOKED_AT).max(1);
-        let looked_at = self.indices().step_by(step).filter_map(|index| sweep.point(index).ok());
-        let mut guess = Guess { count, cost: 0, like: None };
-        let (mut looked, mut cost) = (0_u64, 0_u64);
-        for point in looked_at {
-            looked += 1;
-            cost = cost.saturating_add(point.physics.step_count.saturating_mul(point.physics.beads));
-            guess.like.get_or_insert(point.physics);
-        }
-        guess.cost = cost / looked.max(1);
-        guess
-    }
 }
 
 /// Likely cost of points.
@@ -91,4 +76,21 @@ pub(super) struct Guess {
     pub(super) cost: u64,
     /// Physics of the first of them, if it is valid.
     pub(super) like: Option<Physics>,
+}
+
+impl Guess {
+    /// The likely cost of the `count` points `indices`, from some that lie evenly among them.
+    pub(super) fn of(sweep: &Sweep, count: u64, indices: impl Iterator<Item = u64>) -> Self {
+        let step = usize::try_from(count).unwrap_or(usize::MAX).div_ceil(LOOKED_AT).max(1);
+        let looked_at = indices.step_by(step).filter_map(|index| sweep.point(index).ok());
+        let mut guess = Self { count, cost: 0, like: None };
+        let (mut looked, mut cost) = (0_u64, 0_u64);
+        for point in looked_at {
+            looked += 1;
+            cost = cost.saturating_add(point.physics.step_count.saturating_mul(point.physics.beads));
+            guess.like.get_or_insert(point.physics);
+        }
+        guess.cost = cost / looked.max(1);
+        guess
+    }
 }

@@ -4,6 +4,8 @@ use crate::configuration::origin;
 use crate::display::{bytes, count, counted, left, seconds};
 use crate::failure::Failure;
 use crate::report::Rows;
+use crate::sweep::pending::Guess;
+use crate::sweep::work;
 use anyhow::{Context as _, anyhow};
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table};
@@ -12,6 +14,7 @@ use experiments::row::{self, Asked, At, Signals};
 use producer::sweep::{MAX_POINTS, Sweep};
 use serde::Serialize;
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -20,7 +23,7 @@ use std::time::{Duration, Instant};
 
 /// Longest time for computing points, and their largest number.
 const BUDGET: Duration = Duration::from_secs(2);
-const MOST_TRIED: u32 = 256;
+const MOST_TRIED: u64 = 256;
 
 /// Time for merging rows.
 const MERGE_BUDGET: Duration = Duration::from_millis(300);
@@ -226,9 +229,14 @@ fn sum(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |sum, value| sum + value)
 }
 
-/// Computes points that lie evenly among all, one after the other, until there are enough of them or the time is over.
+/// Computes points that lie evenly among all, as many together as a worker does, until there are enough of them or the time is over.
 /// Points under way then count with their likely time.
 fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
+    let points = sweep.point_count();
+    let guess = Guess::of(sweep, points, 0..points);
+    let together = work::together(&guess, usize::try_from(points).unwrap_or(usize::MAX)) as u64;
+    let batches = points.div_ceil(together);
+    let most = u32::try_from(MOST_TRIED.div_ceil(together).min(batches)).unwrap_or(u32::MAX);
     let over = AtomicBool::new(false);
     let (done, waits) = mpsc::channel::<()>();
     thread::scope(|scope| {
@@ -242,27 +250,10 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
             "no thread can be started that ends the attempt in time; allow more processes (`ulimit -u`)",
         )?;
         let mut tried = Tried { rows: Vec::new(), times_s: Vec::new() };
-        let most = MOST_TRIED.min(u32::try_from(sweep.point_count()).unwrap_or(u32::MAX));
         for place in (0..most).map(u32::reverse_bits) {
-            let index = (u128::from(place) * u128::from(sweep.point_count())) >> 32;
-            let index = u64::try_from(index).unwrap_or(0); // below the number of points
-            let (start, at) = (Instant::now(), At::default());
-            let asked = Asked { index, recording: None, signals: Signals { stop: over, at: &at } };
-            let mut row = None;
-            row::compute(sweep, &[asked], &origin(), |_, found, _| {
-                row = Some(found);
-                Ok::<_, Failure>(())
-            })?;
-            let wall_s = start.elapsed().as_secs_f64();
-            if let Some(cells) = row {
-                tried.times_s.push(wall_s);
-                tried.rows.push(Entry { index, wall_s, cells });
-            } else {
-                let [step, steps] = [&at.step, &at.steps].map(|count| count.load(Ordering::Relaxed) as f64);
-                if step > 0.0 {
-                    tried.times_s.push(wall_s * steps / step);
-                }
-            }
+            let first = (u128::from(place) * u128::from(batches)) >> 32;
+            let first = u64::try_from(first).unwrap_or(0) * together; // below the number of points
+            tried.add(sweep, first..points.min(first + together), over)?;
             if over.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed) {
                 break;
             }
@@ -270,6 +261,32 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
         drop(done);
         Ok(tried)
     })
+}
+
+impl Tried {
+    /// Computes the points `indices`, until the time is `over`.
+    fn add(&mut self, sweep: &Sweep, indices: Range<u64>, over: &AtomicBool) -> Result<(), Failure> {
+        let at: Vec<At> = indices.clone().map(|_| At::default()).collect();
+        let asked: Vec<_> = indices
+            .zip(&at)
+            .map(|(index, at)| Asked { index, recording: None, signals: Signals { stop: over, at } })
+            .collect();
+        let (start, mut finished_s) = (Instant::now(), 0.0);
+        row::compute(sweep, &asked, &origin(), |place, cells, wall_s| {
+            at[place].step.store(0, Ordering::Relaxed);
+            finished_s += wall_s;
+            self.times_s.push(wall_s);
+            self.rows.push(Entry { index: asked[place].index, wall_s, cells });
+            Ok::<_, Failure>(())
+        })?;
+        let left_s = start.elapsed().as_secs_f64() - finished_s;
+        let come =
+            at.iter().map(|at| [&at.step, &at.steps].map(|count| count.load(Ordering::Relaxed) as f64));
+        let under_way: Vec<_> = come.filter(|[step, _]| *step > 0.0).collect();
+        let share_s = left_s / under_way.len() as f64;
+        self.times_s.extend(under_way.iter().map(|[step, steps]| share_s * steps / step));
+        Ok(())
+    }
 }
 
 /// Bytes of a row, and the time (s) for merging it.

@@ -63,6 +63,12 @@ pub(super) fn announce(sweep: &Sweep, count_to_compute: u64, shard: Shard) {
     ));
 }
 
+/// The points that a worker computes together, of `points` for each worker: chains beside each other end later than one would alone, so
+/// that no worker is to wait for another, and not much to be lost by a stop.
+pub(super) fn together(guess: &Guess, points: usize) -> usize {
+    if guess.cost > MOST_TOGETHER { 1 } else { Lanes::most().min(points).max(1) }
+}
+
 /// Computes the `pending` points, writing each row to `journal` when it is there, until all are done or `stop` is set. On return
 /// all rows are on the disk.
 ///
@@ -77,9 +83,7 @@ pub(super) fn work(
 ) -> Result<Tally, Failure> {
     let points = usize::try_from(guess.count).unwrap_or(usize::MAX);
     let threads = options.threads.min(points).clamp(1, MAX_WORKERS);
-    // chains beside each other end later than one would alone: no worker is to wait for another, and not much to be lost by a stop
-    let most =
-        if guess.cost > MOST_TOGETHER { 1 } else { Lanes::most().min(points.div_ceil(threads)).max(1) };
+    let most = together(guess, points.div_ceil(threads));
     let at: Vec<At> = (0..threads * most).map(|_| At::default()).collect();
     let error = directory.head().columns.iter().position(|column| column.name == ERROR_COLUMN);
     let compute = |worker: usize, batch: &[u64], computed: &mut Vec<(u64, Computed)>| {

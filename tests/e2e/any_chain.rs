@@ -151,3 +151,27 @@ fn what_is_particular_is_shown_before_and_after_a_run() {
         }
     });
 }
+
+/// A chain of quadratic bonds that has too much energy for them, and for a shorter step.
+#[test]
+fn a_bond_over_the_edge_of_its_potential_is_not_called_a_long_step() {
+    let place = Place::new();
+    let chain = |bonds: &str, dt: &str| {
+        format!(
+            "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0, {bonds} }}\n[striker]\nbead = 0\nvelocity_m_s = 9.0\n\
+             [ends]\nleft = \"fixed\"\nright = \"fixed\"\n[time]\nduration_s = 60.0\n{dt}"
+        )
+    };
+    for (name, bonds, dt) in [
+        ("over", "quadratic = 0.5", ""),
+        ("slowly", "quadratic = 0.5", "dt_s = 0.01\n"),
+        ("one", "quadratic = { pattern = [0.5, 0.0] }, cubic = { pattern = [0.0, 1.0] }", ""),
+    ] {
+        place.write(&format!("{name}.toml"), &chain(bonds, dt));
+        let words = ["over the edge of its potential", "`cubic`"];
+        place.run(&format!("run {name}.toml --no-record")).exits(1).says(&words);
+    }
+    place.run("check over.toml").exits(1).says(&["over the edge of its potential"]);
+    place.write("held.toml", &chain("quadratic = 0.5, cubic = 0.1", ""));
+    place.run("run held.toml --no-record").exits(0);
+}

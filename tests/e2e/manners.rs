@@ -442,7 +442,13 @@ fn tight_limits_are_named() {
     // raised by itself as far as it may be
     bash(&place, &format!("ulimit -S -n 32; {run}")).exits(0);
     place.run("run --duration 8e-3 --name big --record-every-steps 100").exits(0);
-    for limit_kb in [48_000, 60_000, 100_000] {
+    // the least memory in which the program says its name
+    let starts = |limit_kb: &u32| {
+        let script = format!("ulimit -c 0; ulimit -v {limit_kb}; exec {PROGRAM} --version");
+        bash(&place, &script).code() == Some(0)
+    };
+    let least_kb = (20_000..).step_by(1000).find(starts).unwrap();
+    for limit_kb in [12_000, 24_000, 64_000].map(|more| least_kb + more) {
         for command in [
             "energies big.mcap --figure e.png --force",
             "pulses big.mcap --every-step --jobs 8",

@@ -201,11 +201,9 @@ fn a_recording_that_is_stopped_at_any_call_goes_on() {
         let left: u64 = files(&stage.dir).values().map(|bytes| bytes.len() as u64).sum();
         let trace = stage.scene.trace();
         let written: Vec<u64> = trace.lines().filter_map(returned_by_write).collect();
-        // before any state stand the head, and some definitions
-        assert!(
-            left >= written.iter().sum() || left == 0 && written.len() < 6,
-            "{left} of {written:?} bytes"
-        );
+        // before any state stand the head and definitions, some 2.3 kB and more the more often they are flushed
+        let sum: u64 = written.iter().sum();
+        assert!(left >= sum || left == 0 && sum < 3000, "{left} of {written:?} bytes");
         stage.goes_on(&whole, 0, fault, ended);
     });
 }

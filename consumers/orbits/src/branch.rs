@@ -70,6 +70,20 @@ pub enum End {
     Stopped,
 }
 
+impl End {
+    /// One word for it.
+    pub fn as_str(&self) -> &'static str {
+        match self {
+            Self::Reached => "reached",
+            Self::CameBack => "came-back",
+            Self::Closed => "closed",
+            Self::Most => "most",
+            Self::Lost(_) => "lost",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
 /// Shortest step, over the whole stretch.
 const SHORTEST: f64 = 1e-5;
 /// Longest step, over the first one.

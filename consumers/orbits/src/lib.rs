@@ -90,6 +90,8 @@ pub struct Orbit {
     pub residuals: Vec<f64>,
     /// Distance between the state and that a period later, over its size.
     pub returns: f64,
+    /// The bead whose displacement at the beginning was asked for, if one was.
+    pub asked_bead: Option<usize>,
 }
 
 impl Orbit {
@@ -101,6 +103,14 @@ impl Orbit {
     /// The largest displacement (m) at its beginning.
     pub fn amplitude_m(&self) -> f64 {
         self.state.u_m.iter().fold(0.0, |most: f64, u| most.max(u.abs()))
+    }
+
+    /// The bead whose displacement was asked for and the size (m) of that, if another bead has a larger one: so it is where Newton's method
+    /// went from the seed to a mode of the same frequency.
+    pub fn surpassed(&self) -> Option<(usize, f64)> {
+        let asked = self.asked_bead?;
+        let size_m = self.state.u_m[asked].abs();
+        (self.amplitude_m() > size_m * (1.0 + 1e-6)).then_some((asked, size_m))
     }
 }
 
@@ -213,6 +223,7 @@ impl<'a> Search<'a> {
             return Err(NoOrbit::Chain(why));
         }
         let problem = (self.newton.family)(unknown.parameter)?;
+        let asked_bead = matches!(problem.asked, Asked::AmplitudeM(_)).then_some(self.newton.bead);
         let multipliers = if let Some(monodromy) = monodromy {
             Multipliers::of(monodromy, self.trivial, self.is_conservative)
         } else {
@@ -225,7 +236,7 @@ impl<'a> Search<'a> {
         let state = self.newton.state(&problem, &unknown);
         let physics = Physics { dt_s: unknown.dt_s, step_count: self.newton.steps, ..problem.physics };
         let returns = self.newton.returns(&unknown)?;
-        Ok(Orbit { physics, state, unknown, multipliers, energy_j, residuals, returns })
+        Ok(Orbit { physics, state, unknown, multipliers, energy_j, residuals, returns, asked_bead })
     }
 }
 

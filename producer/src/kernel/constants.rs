@@ -109,5 +109,5 @@ pub(super) const fn before_terms(kind: u8) -> usize {
 /// Numbers of a bead among the constants.
 #[inline(always)]
 pub(super) fn rows<const KIND: u8>(constants: &Constants) -> usize {
-    if KIND == BARE || KIND == LOADED { before_terms(KIND) } else { constants.rows }
+    if KIND == ANY { constants.rows } else { before_terms(KIND) + (KIND & SPRINGS).count_ones() as usize }
 }

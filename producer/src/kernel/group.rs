@@ -1,11 +1,11 @@
 //! A group of beads in registers: moved, and their contacts evaluated.
 
-use super::constants::{ANY, BARE, CUBIC, LINEAR, QUADRATIC, SPRINGS, Springs, before_terms, has_rest};
-use super::layout::{COUNTED, GROUP, Layout};
+use super::constants::{ANY, BARE, CUBIC, QUADRATIC, SPRINGS, Springs, before_terms, has_rest};
+use super::layout::{GROUP, Layout};
 use pulp::{Simd, WithSimd};
 use schemas::contact::Power;
 use schemas::simd::{Group, above, load, store};
-use schemas::term::{InGroups as _, Spring, TermLaw};
+use schemas::term::{Spring, TermLaw};
 
 /// A kick, which comes twice where a step ends and the next one begins, and a drift (s); or no motion.
 #[derive(Clone, Copy)]
@@ -13,19 +13,6 @@ pub(super) struct Motion<V> {
     pub(super) kicks: u8,
     pub(super) kick_s: V,
     pub(super) drift_s: V,
-}
-
-/// The neighbours of the end beads.
-#[derive(Clone, Copy)]
-pub(super) struct Neighbours<V> {
-    /// The register before that of the first bead.
-    pub(super) left_m: V,
-    /// The place of the right neighbour of the last bead.
-    pub(super) right_m: V,
-    /// True if there is a left and a right neighbour.
-    pub(super) are_there: [bool; 2],
-    /// The number behind that of the last bead.
-    pub(super) behind: usize,
 }
 
 /// A group of beads: their displacements and velocities, and the forces and constants of the contacts on their left.
@@ -77,8 +64,7 @@ impl WithSimd for Terms<'_> {
 }
 
 impl Beads<'_> {
-    /// Moves them, and evaluates the contacts on their left. `before` is the register before
-    /// them; gives their last one. At an end of the chain it is told the number at which they begin, and the neighbours there.
+    /// Moves them, and evaluates the contacts on their left. `before` is the register before them; gives their last one.
     #[inline(always)]
     pub(super) fn step<S: Simd, P: Power, L: Layout, const KIND: u8>(
         mut self,
@@ -86,7 +72,6 @@ impl Beads<'_> {
         laws: Laws<'_, P, S::f64s>,
         motion: Motion<S::f64s>,
         mut before: S::f64s,
-        place: Option<(usize, Neighbours<S::f64s>)>,
     ) -> S::f64s {
         // Without a force a kick adds zero, which changes no velocity: none is `-0`, see `Splitting::advance`.
         let is_pushed = motion.kicks > 0 && (KIND != BARE || self.presses[0] | self.presses[1]);
@@ -96,20 +81,24 @@ impl Beads<'_> {
             let right = self.moved::<S, L, KIND>(simd, motion, laws.springs, is_pushed, at);
             let left = L::left(simd, before, right);
             before = right;
-            let (left, right) = match place {
-                Some(place) => at_end::<S, L>(simd, place, at, left, right),
-                None => (left, right),
-            };
             let mut overlap = simd.sub_f64s(left, right);
             if has_rest(KIND) {
                 overlap = simd.add_f64s(overlap, load::<S>(&self.constants[2], at));
+            }
+            if KIND & SPRINGS != 0 {
+                // no force of the next register is that of a contact before it
+                let stiffness = |row: usize| load::<S>(&self.constants[before_terms(KIND) + row], at);
+                store::<S>(of_springs::<S, KIND>(simd, stiffness, overlap), self.force, at);
+                continue;
             }
             store::<S>(overlap, &mut overlaps.all.0, at);
             let closed = above(simd, overlap, laws.zero_up_to_m);
             overlaps.most = simd.max_f64s(overlaps.most, closed);
             store::<S>(closed, &mut overlaps.closed.0, at);
         }
-        self.press::<S, P, KIND>(simd, laws, &overlaps);
+        if KIND & SPRINGS == 0 {
+            self.press::<S, P, KIND>(simd, laws, &overlaps);
+        }
         before
     }
 
@@ -186,21 +175,11 @@ impl Beads<'_> {
                 store::<S>(found, &mut sum.0, at);
             }
         }
-        let of_terms = &constants[before_terms(KIND)..];
-        if KIND & SPRINGS != 0 {
-            let springs = [(LINEAR, Spring(1)), (QUADRATIC, Spring(2)), (CUBIC, Spring(3))];
-            let mut row = 0;
-            for (bit, spring) in springs {
-                if KIND & bit != 0 {
-                    spring.add_to(simd, &of_terms[row], &overlaps.all, &mut sum);
-                    row += 1;
-                }
-            }
-        }
         if KIND == ANY && !terms.is_empty() {
             // copies: what a function may see that is not inlined stays in memory
             let (all, mut with_terms) = (overlaps.all, sum);
-            simd.vectorize(Terms { laws: terms, stiffness: of_terms, overlaps: &all, sum: &mut with_terms });
+            let stiffness = &constants[before_terms(KIND)..];
+            simd.vectorize(Terms { laws: terms, stiffness, overlaps: &all, sum: &mut with_terms });
             sum = with_terms;
         }
         for at in (0..GROUP).step_by(S::F64_LANES) {
@@ -213,23 +192,22 @@ impl Beads<'_> {
     }
 }
 
-/// The neighbours `left` and `right` of the contacts of a register, where the chain ends: it begins at number `at` of the group at `start`.
+/// The forces of a register of contacts of springs alone, whose stiffnesses stand in the rows of `stiffness`.
 #[inline(always)]
-fn at_end<S: Simd, L: Layout>(
+pub(super) fn of_springs<S: Simd, const KIND: u8>(
     simd: S,
-    (start, ends): (usize, Neighbours<S::f64s>),
-    at: usize,
-    left: S::f64s,
-    right: S::f64s,
-) -> (S::f64s, S::f64s) {
-    let number = simd.add_f64s(load::<S>(&COUNTED, at), simd.splat_f64s(start as f64));
-    // what touches nothing has an overlap of zero
-    let there = if ends.are_there[1] { ends.right_m } else { left };
-    let is_behind = simd.greater_than_or_equal_f64s(number, simd.splat_f64s(ends.behind as f64));
-    let right = simd.select_f64s(is_behind, there, right);
-    let first = if ends.are_there[0] { 0 } else { L::stride::<S>() };
-    let is_first = simd.less_than_f64s(number, simd.splat_f64s(first as f64));
-    (simd.select_f64s(is_first, right, left), right)
+    stiffness: impl Fn(usize) -> S::f64s,
+    overlap_m: S::f64s,
+) -> S::f64s {
+    // each kind has linear ones; a sum that is -0 in place of 0 changes no velocity, since none is -0
+    let (mut sum, mut row) = (Spring(1).in_register(simd, stiffness(0), overlap_m), 1);
+    for (bit, power) in [(QUADRATIC, 2), (CUBIC, 3)] {
+        if KIND & bit != 0 {
+            sum = simd.add_f64s(sum, Spring(power).in_register(simd, stiffness(row), overlap_m));
+            row += 1;
+        }
+    }
+    sum
 }
 
 impl Springs {

@@ -4,13 +4,12 @@
 //! further, is the longest wait but for a root.
 
 use super::constants::{BARE, LOADED, SPRINGS, before_terms};
-use super::group::Motion;
+use super::group::{Motion, of_springs};
 use super::layout::{Along, COUNTED, GROUP, Layout as _, PerLane, right};
 use super::sweep::{Pass, Sweep};
 use pulp::{Simd, WithSimd, bytemuck};
 use schemas::contact::Formula;
 use schemas::simd::{load, store};
-use schemas::term::Spring;
 
 /// A sweep over a chain of `R` registers: a function of its own for each kind and number.
 struct Held<'s, 'a, const KIND: u8, const R: usize> {
@@ -216,21 +215,12 @@ impl<V: bytemuck::Pod, const R: usize> Registers<V, R> {
                 let found = simd.mul_f64s(self.constants[0][number], raised);
                 if KIND == LOADED { simd.sub_f64s(found, self.constants[2][number]) } else { found }
             } else {
-                let (mut sum, mut row) = (simd.splat_f64s(0.0), 0);
-                for bit in 1..4 {
-                    if KIND & 1 << bit != 0 {
-                        sum = simd.add_f64s(
-                            sum,
-                            Spring(bit).in_register(simd, self.constants[row][number], overlap),
-                        );
-                        row += 1;
-                    }
-                }
-                sum
+                of_springs::<S, KIND>(simd, |row| self.constants[row][number], overlap)
             };
         }
-        let [of_left, of_right] = &mut sweep.wall_forces_n[evaluation];
-        store::<S>(self.force[0], &mut of_left.0, 0);
-        store::<S>(self.force[if fills { 0 } else { R - 1 }], &mut of_right.0, 0);
+        if let Some([of_left, of_right]) = sweep.wall_forces_n.get_mut(evaluation) {
+            store::<S>(self.force[0], &mut of_left.0, 0);
+            store::<S>(self.force[if fills { 0 } else { R - 1 }], &mut of_right.0, 0);
+        }
     }
 }

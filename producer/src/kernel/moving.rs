@@ -2,7 +2,6 @@
 //! depend on velocity.
 
 use super::constants::{Constants, Contacts, Springs};
-use super::layout::PerLane;
 use super::sweep::Sweep;
 use super::{Kernel, Pass};
 use crate::aligned::with_room;
@@ -125,7 +124,7 @@ impl Kernel {
                 constants: &part.constants,
                 ends: self.ends,
                 walls_m: &self.walls_m,
-                wall_forces_n: &mut [[PerLane::same(0.0); 2]],
+                wall_forces_n: &mut [],
                 places_m: &mut [],
                 law: &part.law,
                 shaken: &self.shaken,

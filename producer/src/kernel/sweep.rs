@@ -10,7 +10,7 @@
 
 use super::Kernel;
 use super::constants::{ANY, BARE, CUBIC, Constants, LINEAR, LOADED, QUADRATIC, SPRINGS, Springs, rows};
-use super::group::{Beads, Laws, Motion, Neighbours};
+use super::group::{Beads, Laws, Motion};
 use super::layout::{Across, Along, GROUP, Layout, PerLane};
 use crate::aligned::with_room;
 use pulp::{Simd, WithSimd};
@@ -85,8 +85,6 @@ impl Kernel {
         shake: Option<Shake<'_>>,
     ) {
         let evaluations = passes.iter().filter(|pass| pass.has_forces()).count();
-        self.wall_forces_n.clear();
-        self.wall_forces_n.resize(evaluations, [PerLane::same(0.0); 2]);
         let kept = if self.keeps_places { evaluations } else { 0 };
         self.places_m.resize(kept * self.force.len(), 0.0);
         let sweep = Sweep {
@@ -398,11 +396,10 @@ impl Sweep<'_> {
         evaluation: usize,
     ) {
         let stride = L::stride::<S>();
-        let ends = self.neighbours::<S, L, KIND>(simd, motion, evaluation);
-        let mut before = if part.start == 0 { ends.left_m } else { L::before(simd, self.u_m, part.start) };
-        let last = ends.behind - ends.behind % GROUP;
-        let is_ring = self.ends.is_ring;
-        let part = if is_ring { part.start..ends.behind.next_multiple_of(GROUP) } else { part };
+        let (behind, is_ring) = (self.count * stride, self.ends.is_ring);
+        let part = if is_ring { part.start..behind.next_multiple_of(GROUP) } else { part };
+        let left_m = self.before_first::<S, L, KIND>(simd, motion, evaluation);
+        let mut before = if part.start == 0 { left_m } else { L::before(simd, self.u_m, part.start) };
         let constants = self.constants;
         let laws = Laws {
             power,
@@ -417,24 +414,31 @@ impl Sweep<'_> {
             let numbers = start..bounds.get(piece).copied().unwrap_or(part.end);
             start = numbers.end;
             let motion = of_shaken.filter(|_| piece % 2 == 1).unwrap_or(motion);
-            before = self.groups::<S, P, L, KIND>(simd, laws, motion, before, numbers, (last, ends));
+            before = self.groups::<S, P, L, KIND>(simd, laws, motion, before, numbers);
         }
         if is_ring {
             // the contact behind the last bead is the first one, whatever was found there
-            self.force.copy_within(..stride, ends.behind);
-            self.presses[last / GROUP] |= self.force[..stride].iter().any(|force| *force != 0.0);
+            let (first, of_behind) = self.force.split_at_mut(behind);
+            of_behind[..stride].copy_from_slice(&first[..stride]);
+            if KIND == BARE {
+                self.presses[behind / GROUP] |= first[..stride].iter().any(|force| *force != 0.0);
+            }
         }
-        let wall = &mut self.wall_forces_n[evaluation];
-        if part.start == 0 {
-            wall[0].0[..stride].copy_from_slice(&self.force[..stride]);
-        }
-        if is_ring || part.contains(&ends.behind) {
-            wall[1].0[..stride].copy_from_slice(&self.force[ends.behind..ends.behind + stride]);
+        for (side, number) in [(0, 0), (1, behind)] {
+            if part.contains(&number) || is_ring {
+                let force = &mut self.force[number..number + stride];
+                if !self.ends.have_wall[side] {
+                    // whatever was found of a contact with nothing
+                    force.fill(0.0);
+                }
+                if let Some(walls_n) = self.wall_forces_n.get_mut(evaluation) {
+                    walls_n[side].0[..stride].copy_from_slice(force);
+                }
+            }
         }
     }
 
-    /// Moves the beads that begin at the numbers `part`, whole groups, after the register `before`; gives their last one. The chain ends in
-    /// the group that begins at the number `last`.
+    /// Moves the beads that begin at the numbers `part`, whole groups, after the register `before`; gives their last one.
     #[inline(always)]
     fn groups<S: Simd, P: Power, L: Layout, const KIND: u8>(
         &mut self,
@@ -443,7 +447,6 @@ impl Sweep<'_> {
         motion: Motion<S::f64s>,
         mut before: S::f64s,
         part: Range<usize>,
-        (last, ends): (usize, Neighbours<S::f64s>),
     ) -> S::f64s {
         let constants = self.constants;
         let (u, v) = (&mut self.u_m[part.clone()], &mut self.v_m_s[part.clone()]);
@@ -460,9 +463,7 @@ impl Sweep<'_> {
                 constants: constants.as_chunks().0,
                 presses: if KIND == BARE { &mut presses[group..group + 2] } else { &mut [] },
             };
-            let start = part.start + group * GROUP;
-            let place = (start == 0 || start == last).then_some((start, ends));
-            before = beads.step::<S, P, L, KIND>(simd, laws, motion, before, place);
+            before = beads.step::<S, P, L, KIND>(simd, laws, motion, before);
         }
         before
     }
@@ -480,23 +481,27 @@ impl Sweep<'_> {
         }
     }
 
-    /// The neighbours of the end beads where this stage ends.
+    /// The register before the first bead where this stage ends. The wall on the right takes the place of beads behind the last one, which are
+    /// too heavy to move.
     #[inline(always)]
-    fn neighbours<S: Simd, L: Layout, const KIND: u8>(
+    fn before_first<S: Simd, L: Layout, const KIND: u8>(
         &mut self,
         simd: S,
         motion: Motion<S::f64s>,
         evaluation: usize,
-    ) -> Neighbours<S::f64s> {
-        let stride = L::stride::<S>();
-        let (behind, are_there) = (self.count * stride, self.ends.have_wall);
-        if !self.ends.is_ring {
-            let last = self.walls_m.len() - 1;
-            let [left, right] = &self.walls_m[if evaluation < last { evaluation } else { last }];
-            return Neighbours { left_m: left.load::<S>(), right_m: right.load::<S>(), are_there, behind };
+    ) -> S::f64s {
+        if self.ends.is_ring {
+            return self.place_of::<S, L, KIND>(simd, motion, self.count - 1);
         }
-        let left_m = self.place_of::<S, L, KIND>(simd, motion, self.count - 1);
-        Neighbours { left_m, right_m: left_m, are_there, behind }
+        let last = self.walls_m.len() - 1;
+        let [left, right] = &self.walls_m[if evaluation < last { evaluation } else { last }];
+        if evaluation <= last {
+            let stride = L::stride::<S>();
+            let behind = self.count * stride;
+            let room = &mut self.u_m[behind..(behind + stride).next_multiple_of(GROUP)];
+            room.chunks_mut(stride).for_each(|places| places.copy_from_slice(&right.0[..stride]));
+        }
+        left.load::<S>()
     }
 
     /// The place of `bead` where this stage ends, as its own group will find it.

@@ -2,7 +2,7 @@
 
 use super::{ConfigError, Profile};
 use crate::json_schema::{exponent, not_negative, positive};
-use crate::term::{BondForm, TermLaw, bond_forms};
+use crate::term::{BondForm, Holds, TermLaw, bond_forms};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
@@ -65,12 +65,25 @@ impl Bonds {
 
     /// True if they have a bottom: a force without one, such as a quadratic one alone, lets beads go.
     pub(crate) fn hold(&self) -> bool {
-        self.0.iter().any(|bond| bond.form.holds)
+        self.0.iter().any(|bond| bond.form.holds != Holds::None)
+    }
+
+    /// True if one of `contacts` bonds can be pulled over the edge of its potential.
+    pub(crate) fn can_break(&self, contacts: usize) -> bool {
+        let acts = |holds: Holds| {
+            let mut acts = vec![false; contacts];
+            for bond in self.0.iter().filter(|bond| bond.form.holds == holds) {
+                let stiffness = bond.stiffness.values(contacts);
+                acts.iter_mut().zip(stiffness).for_each(|(acts, stiffness)| *acts |= stiffness != 0.0);
+            }
+            acts
+        };
+        acts(Holds::None).into_iter().zip(acts(Holds::All)).any(|(pulls, is_held)| pulls && !is_held)
     }
 
     /// The refusal of bonds that do not hold.
     pub(crate) fn refusal() -> ConfigError {
-        let (hold, others): (Vec<_>, Vec<_>) = bond_forms().partition(|form| form.holds);
+        let (hold, others): (Vec<_>, Vec<_>) = bond_forms().partition(|form| form.holds != Holds::None);
         let names = |forms: &[&BondForm]| forms.iter().map(|form| form.key).collect::<Vec<_>>().join(", ");
         let allowed = format!("one of {} among them: {} alone has no bottom", names(&hold), names(&others));
         ConfigError::value("chain.bonds", "no bonds that hold", &allowed)

@@ -1,6 +1,6 @@
 //! Two-sided springs: `F = k·δ^n`, also where δ < 0.
 
-use super::{BondForm, InGroups, Law, TermLaw};
+use super::{BondForm, Holds, InGroups, Law, TermLaw};
 use crate::simd::{Group, load, store};
 use pulp::Simd;
 
@@ -19,7 +19,7 @@ impl Law for Spring {
                     has_either_sign: false,
                     allowed: "stiffnesses of 0 or more",
                     is_slope: true,
-                    holds: true,
+                    holds: Holds::Weak,
                     law: |_| TermLaw::Spring(Spring(1)),
                 },
                 BondForm {
@@ -29,7 +29,7 @@ impl Law for Spring {
                     has_either_sign: true,
                     allowed: "numbers up to 1e100",
                     is_slope: false,
-                    holds: false,
+                    holds: Holds::None,
                     law: |_| TermLaw::Spring(Spring(2)),
                 },
                 BondForm {
@@ -39,7 +39,7 @@ impl Law for Spring {
                     has_either_sign: false,
                     allowed: "0 or more: else the bond would break away",
                     is_slope: false,
-                    holds: true,
+                    holds: Holds::All,
                     law: |_| TermLaw::Spring(Spring(3)),
                 },
             ]

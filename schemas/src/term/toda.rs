@@ -3,7 +3,7 @@
 //! # Source
 //! M. Toda, J. Phys. Soc. Jpn. 22 (1967) 431, doi:10.1143/JPSJ.22.431.
 
-use super::{BondForm, InGroups, Law, TermLaw};
+use super::{BondForm, Holds, InGroups, Law, TermLaw};
 use crate::functions::{exp_m1, q2};
 use crate::simd::Group;
 use pulp::Simd;
@@ -25,7 +25,7 @@ impl Law for Toda {
                 has_either_sign: false,
                 allowed: "stiffnesses of 0 or more",
                 is_slope: true,
-                holds: true,
+                holds: Holds::Weak,
                 law: |steepness_per_m| TermLaw::Toda(Toda(steepness_per_m)),
             }]
         }

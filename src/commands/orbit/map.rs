@@ -116,7 +116,7 @@ fn finish(place: &Place<'_>, grid: &Grid, rows: &[Vec<Cell>], head: &JournalHead
     let missed = kinds.get(shown::NOT_FOUND).copied().unwrap_or(0);
     if missed > 0 {
         notice!(
-            "{} have no orbit that was found: beyond folds there may be none; finer steps along {along} or more parts (orbit.segments) help elsewhere",
+            "no orbit was found at {}: beyond folds there may be none; finer steps along {along} or more parts (orbit.segments) help elsewhere",
             counted(missed, "point")
         );
     }

@@ -126,7 +126,7 @@ const TANGENTS: [(Kind, usize); 3] = [
 const MANY: u64 = 64;
 
 /// A sink that looks at nothing.
-struct Nobody;
+pub(crate) struct Nobody;
 
 impl FrameSink for Nobody {
     type Error = Infallible;

@@ -1,6 +1,7 @@
 //! Publishing and following: what the bus costs, beside the dynamics and beside bare iceoryx2.
 
 mod latency;
+mod windows;
 
 use super::child::Process;
 use super::part::{ATTACHED, READY};
@@ -32,7 +33,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     report.row(streams.one_consumer(rounds)?)?;
     report.row(streams.three_consumers(rounds)?)?;
     report.row(streams.idle_consumer(rounds)?)?;
-    for row in latency::rows(&streams, rounds)? {
+    for row in latency::rows(&streams, rounds)?.into_iter().chain(windows::rows(&streams, rounds)?) {
         report.row(row)?;
     }
     Ok(())

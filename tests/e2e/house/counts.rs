@@ -7,20 +7,20 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("the command", 15_010),
-    ("schemas", 9_295),
+    ("schemas", 9_320),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_820),
+    ("producer", 8_795),
     ("consumers", 6_275),
     ("consumers/analyses", 4_475),
     ("consumers/experiments", 1_620),
     ("consumers/exports", 950),
     ("consumers/figure", 3_120),
-    ("consumers/orbits", 2_910),
+    ("consumers/orbits", 2_920),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_480),
     ("consumers/screen", 700),
@@ -28,11 +28,11 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_270),
-    ("tests/bench", 2_300),
+    ("tests/bench", 2_345),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 80_841;
+const MOST_LINES: usize = 80_890;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

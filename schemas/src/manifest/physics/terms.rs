@@ -1,7 +1,7 @@
 //! Laws beside one power of one exponent: their checks, and the terms that they give.
 
-use super::Physics;
 use super::check::{check_positive, is_0_or_more};
+use super::{Physics, usize_of};
 use crate::config::{Bond, Bonds, ConfigError, End, Profile};
 use crate::contact::ContactLaw;
 use crate::damping::Damping;
@@ -54,6 +54,17 @@ impl Physics {
                 let allowed = "viscous_n_s_per_m where contacts are not one power of one exponent";
                 Err(ConfigError::value("damping", damping.key(), allowed))
             }
+        }
+    }
+
+    /// The likely reason for which numbers of this run leave the range of doubles, and what to do.
+    pub fn why_not_finite(&self) -> &'static str {
+        let can_break = |bonds: &Bonds| bonds.can_break(usize_of(self.contacts_by_rule()));
+        if self.bonds.as_ref().is_some_and(can_break) && self.on_site.cubic_n_per_m3.is_none() {
+            "a bond was pulled over the edge of its potential, which a quadratic force has where no cubic one holds it; begin with \
+             less energy, or add `cubic` to the bonds (or choose a smaller dt, if this energy is far below the edge)"
+        } else {
+            "the time step is too long for this chain; choose a smaller dt"
         }
     }
 

@@ -4,6 +4,7 @@ use super::{Physics, larger, smaller};
 use crate::chain::Chain;
 use crate::manifest::physics::usize_of;
 use crate::power::power;
+use crate::term::Holds;
 
 /// The part of a chain that decides a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,7 +203,7 @@ impl Physics {
     fn energy_for_bonds_j(&self) -> Option<f64> {
         let bonds = self.bonds.as_ref()?;
         let counts = bonds.laws().any(|bond| bond.law.tangent_by_energy(1.0, 1.0).is_some());
-        let is_closed = !self.is_driven() && bonds.laws().all(|bond| bond.form.holds);
+        let is_closed = !self.is_driven() && bonds.laws().all(|bond| bond.form.holds != Holds::None);
         (counts && is_closed).then(|| self.initial_energy().total_j())
     }
 }

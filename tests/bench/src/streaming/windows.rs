@@ -1,0 +1,88 @@
+//! Whole runs with a consumer, whose frames say which beads move, beside the same runs alone.
+
+use super::super::chains::Nobody;
+use super::super::recordings::manifest;
+use super::{Streams, await_join};
+use crate::{Floor, Rounds, Row, timed};
+use anyhow::Error;
+use producer::run::{Conductor, run};
+use schemas::frame::{EndReason, Frame, FrameSink};
+use schemas::presets::PRESETS;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+/// A chain of which few beads move, and the time of its run (s).
+const LONG: (u64, f64) = (100_000, 0.02);
+
+/// Lets a run go on. Somebody hears every frame, or nobody does.
+struct GoOn {
+    is_heard: bool,
+}
+
+impl<P: FrameSink> Conductor<P, Nobody> for GoOn {
+    fn after_frame(&mut self, _: &Frame<'_>, _: &mut P, _: Option<&mut Nobody>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn hears_every_frame(&self, _: &P) -> bool {
+        self.is_heard
+    }
+}
+
+pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<Vec<Row>, Error> {
+    let mut config = PRESETS[0].config();
+    (config.chain.beads, config.time.duration_s) = LONG;
+    let mut long = Streams { bus: streams.bus.clone(), frames: streams.frames, manifest: manifest(&config)? };
+    long.manifest.provenance.name = streams.manifest.provenance.name.clone();
+    let row = |streams: &Streams<'_>, what, floor, with: &dyn Fn() -> Result<Duration, Error>| {
+        let rounds = Rounds::alternate(rounds, with, || streams.alone())?;
+        let figure = format!("{:.2} s", rounds.ours_s());
+        Ok::<_, Error>(rounds.row(what, "the run alone", floor, figure))
+    };
+    Ok(vec![
+        row(streams, "a run with one lossless `energies`", Floor::AtMost(1.5), &|| streams.followed())?,
+        row(&long, "the same, 10^5 beads of which few move", Floor::AtMost(2.0), &|| long.followed())?,
+        row(&long, "the same with `--latest`", Floor::AtMost(1.03), &|| long.looked_at())?,
+        streams.unheard(rounds)?,
+    ])
+}
+
+impl Streams<'_> {
+    fn go_on(&self, publisher: &mut impl FrameSink<Error: Send + Sync>) -> Result<Duration, Error> {
+        timed(|| Ok(run(&self.manifest, publisher, None, &mut GoOn { is_heard: true })?))
+    }
+
+    fn alone(&self) -> Result<Duration, Error> {
+        let mut publisher = self.publisher()?;
+        let took = self.go_on(&mut publisher)?;
+        publisher.finish(EndReason::Complete)?;
+        Ok(took)
+    }
+
+    fn followed(&self) -> Result<Duration, Error> {
+        self.send(&["energies"], self.manifest.frame_count(), |publisher| self.go_on(publisher))
+    }
+
+    fn looked_at(&self) -> Result<Duration, Error> {
+        let mut publisher = self.publisher()?;
+        let consumer = self.consumer("energies", &["--latest"])?;
+        await_join(&mut publisher)?;
+        let took = self.go_on(&mut publisher)?;
+        publisher.finish(EndReason::Complete)?;
+        consumer.finish()?;
+        Ok(took)
+    }
+
+    /// A run that publishes every step to nobody, of which most are passed.
+    fn unheard(&self, rounds: u32) -> Result<Row, Error> {
+        let time = |every: u64, is_heard: bool| {
+            let mut manifest = self.manifest.clone();
+            manifest.provenance.publish_every_steps = every;
+            timed(|| Ok(run(&manifest, &mut Nobody, None, &mut GoOn { is_heard })?))
+        };
+        let last = self.manifest.physics.step_count;
+        let rounds = Rounds::alternate(rounds, || time(1, false), || time(last, true))?;
+        let figure = format!("{:.2} s", rounds.ours_s());
+        Ok(rounds.row("a run of which nobody hears a frame", "one that has two", Floor::AtMost(1.1), figure))
+    }
+}
