@@ -18,6 +18,7 @@ use pulp::Arch;
 use schemas::chain::Chain;
 use schemas::damping::Damping;
 use schemas::drive::{Place, Quantity};
+use schemas::frame::Active;
 use schemas::functions::ln;
 use schemas::manifest::Physics;
 use schemas::simd::{ordered_sum, vectorized};
@@ -150,13 +151,15 @@ impl Growth {
         self.lost
     }
 
-    /// Looks at the run, if it has come to the next step for a look.
-    pub fn look(&mut self, state: &ChainState) {
+    /// Looks at the run, if it has come to the next step for a look. No bead outside of `active` has moved, where that is known.
+    pub fn look(&mut self, state: &ChainState, active: Option<Active>) {
         if self.is_over || state.step < self.next {
             return;
         }
         self.next = state.step + self.every;
-        let beads = Activity::of(&state.u_m, &state.v_m_s).beads();
+        let within = active.map_or(0..state.u_m.len(), |active| active.first..active.end);
+        let beads = Activity::of(&state.u_m[within.clone()], &state.v_m_s[within.clone()]).beads();
+        let beads = within.start + beads.start..within.start + beads.end;
         if beads.is_empty() {
             return;
         }

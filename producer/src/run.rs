@@ -306,7 +306,7 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             let watched = growth.as_ref().map_or(self.next, |growth| growth.next_before(self.next));
             integrator.advance(&mut self.state, watched);
             if let Some(growth) = growth {
-                growth.look(&self.state);
+                growth.look(&self.state, integrator.active(&self.state));
             }
         }
     }

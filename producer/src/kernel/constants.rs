@@ -14,6 +14,8 @@ pub(super) struct Constants {
     pub(super) kind: u8,
     /// True if a contact has a stiffness of the law.
     pub(super) has_law: bool,
+    /// True if a contact has an overlap or a force at rest.
+    pub(super) are_loaded: bool,
     /// Numbers of a bead.
     pub(super) rows: usize,
     pub(super) numbers: AVec<f64>,
@@ -60,7 +62,7 @@ impl Constants {
         let Contacts { arch, inverse_mass, stiffness, rest, terms, springs: (springs, of_springs) } =
             contacts;
         let has = |numbers: &[f64]| numbers.iter().any(|x| *x != 0.0);
-        let (has_law, is_loaded) = (has(stiffness), rest.map(has) != [false; 2]);
+        let (has_law, are_loaded) = (has(stiffness), rest.map(has) != [false; 2]);
         let bonds: Option<Vec<_>> = terms
             .iter()
             .map(|(law, _)| if let TermLaw::Spring(Spring(n)) = law { Some(*n) } else { None })
@@ -69,13 +71,13 @@ impl Constants {
             // of loops for machines without wide vectors there is one copy
             _ if matches!(arch, Arch::Scalar) => ANY,
             Some([]) if springs == Springs::None => {
-                if is_loaded {
+                if are_loaded {
                     LOADED
                 } else {
                     BARE
                 }
             }
-            _ if is_loaded || springs != Springs::None => ANY,
+            _ if are_loaded || springs != Springs::None => ANY,
             Some([1]) if !has_law => LINEAR,
             Some([1, 2]) if !has_law => LINEAR | QUADRATIC,
             Some([1, 3]) if !has_law => LINEAR | CUBIC,
@@ -92,7 +94,7 @@ impl Constants {
         let numbers = (0..inverse_mass.len()).step_by(GROUP).flat_map(of_group).copied();
         let numbers = AVec::from_iter(CACHELINE_ALIGN, numbers);
         let terms = terms.iter().map(|(law, _)| law.clone()).collect();
-        Self { kind, has_law, rows: rows.len(), numbers, terms, springs }
+        Self { kind, has_law, are_loaded, rows: rows.len(), numbers, terms, springs }
     }
 }
 

@@ -30,6 +30,8 @@ pub(super) struct Beads<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a, P, V> {
     pub(super) power: P,
+    /// True if contacts have overlaps and forces at rest.
+    pub(super) are_loaded: bool,
     /// The overlap (m) from which on contacts press.
     pub(super) zero_up_to_m: V,
     pub(super) terms: &'a [TermLaw],
@@ -82,7 +84,7 @@ impl Beads<'_> {
             let left = L::left(simd, before, right);
             before = right;
             let mut overlap = simd.sub_f64s(left, right);
-            if has_rest(KIND) {
+            if has_rest(KIND) && laws.are_loaded {
                 overlap = simd.add_f64s(overlap, load::<S>(&self.constants[2], at));
             }
             if KIND & SPRINGS != 0 {
@@ -152,7 +154,7 @@ impl Beads<'_> {
     fn press<S: Simd, P: Power, const KIND: u8>(
         self,
         simd: S,
-        Laws { power, terms, .. }: Laws<'_, P, S::f64s>,
+        Laws { power, are_loaded, terms, .. }: Laws<'_, P, S::f64s>,
         overlaps: &Overlaps<S::f64s>,
     ) {
         let Beads { force, constants, presses, .. } = self;
@@ -184,7 +186,7 @@ impl Beads<'_> {
         }
         for at in (0..GROUP).step_by(S::F64_LANES) {
             let mut found = load::<S>(&sum.0, at);
-            if has_rest(KIND) {
+            if has_rest(KIND) && are_loaded {
                 found = simd.sub_f64s(found, load::<S>(&constants[3], at));
             }
             store::<S>(found, force, at);

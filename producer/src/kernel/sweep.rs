@@ -403,6 +403,7 @@ impl Sweep<'_> {
         let constants = self.constants;
         let laws = Laws {
             power,
+            are_loaded: KIND == LOADED || constants.are_loaded,
             zero_up_to_m: simd.splat_f64s(self.law.zero_up_to_m()),
             terms: &constants.terms,
             springs: constants.springs,

@@ -20,7 +20,7 @@ fn lost(preset: &str, change: impl FnOnce(&mut RunConfig)) -> (Physics, Option<L
             growth.as_ref().map_or(physics.step_count, |growth| growth.next_before(physics.step_count));
         integrator.advance(&mut state, next);
         if let Some(growth) = &mut growth {
-            growth.look(&state);
+            growth.look(&state, None);
         }
     }
     let lost = growth.and_then(|growth| growth.lost());
