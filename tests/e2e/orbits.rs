@@ -358,6 +358,21 @@ fn impossible_maps_are_refused_with_the_line_and_leave_nothing() {
         \"drive[0].displacement_m.sine.amplitude\" = [6e-7, 8e-7]\n";
     place.write("beyond.toml", &(example.split("[continue]").next().unwrap().to_owned() + beyond));
     let missed = place.run("orbit beyond.toml --out beyond --json").exits(3);
-    assert!(missed.stderr().contains("no orbit that was found"), "{}", missed.stderr());
+    assert!(missed.stderr().contains("no orbit was found at 2 points"), "{}", missed.stderr());
     assert_eq!(missed.json()["points"], 4);
+}
+
+/// In a ring two modes have one frequency, and Newton's method may add the other one to the seed: the bead that was asked for then moves less
+/// than others, and that is said.
+#[test]
+fn a_bead_that_moves_less_than_others_is_told() {
+    let place = Place::new();
+    let text = "[chain]\nbeads = 5\nbead_mass_kg = 1.0\nbonds = { linear = 1.0, cubic = 1.0 }\n[ends]\nleft = \"periodic\"\n\
+        right = \"periodic\"\n[orbit]\namplitude_m = 0.3\nmode = { number = 2, displacement_m = 0.3 }\n";
+    place.write("one.toml", text);
+    let words = place.run("orbit one.toml --out one").exits(0).stdout();
+    let found = place.run("orbit one.toml --out again --json").exits(0).json();
+    let is_surpassed = found["amplitude_m"].as_f64().unwrap() > 0.3 * (1.0 + 1e-6);
+    assert!(found["asked_bead"].is_u64(), "{found}");
+    assert_eq!(words.contains("asked for             300.000 mm, of bead"), is_surpassed, "{words}");
 }

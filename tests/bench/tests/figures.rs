@@ -88,7 +88,7 @@ fn analyses_are_measured_and_judged() {
 
 #[test]
 fn streaming_is_measured_and_judged_and_loses_no_frame() {
-    measure("streaming", 1, 7..=7);
+    measure("streaming", 1, 11..=11);
 }
 
 #[test]

@@ -14,7 +14,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_795),
+    ("producer", 8_800),
     ("consumers", 6_275),
     ("consumers/analyses", 4_475),
     ("consumers/experiments", 1_620),
@@ -28,7 +28,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_270),
-    ("tests/bench", 2_345),
+    ("tests/bench", 2_360),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
