@@ -68,6 +68,8 @@ mod remote;
 mod replay;
 mod reproduce;
 mod resume;
+#[cfg(feature = "live")]
+mod resuming;
 mod screens;
 mod slurm;
 mod spreading;

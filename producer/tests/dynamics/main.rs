@@ -22,7 +22,6 @@ mod orders;
 mod page;
 mod random_chains;
 mod reference;
-mod resuming;
 mod sound;
 mod symmetries;
 mod table;
