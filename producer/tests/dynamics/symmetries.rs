@@ -3,7 +3,7 @@
 use crate::chains::{final_state, impurity, physics};
 use producer::integrator::Integrator;
 use producer::state::ChainState;
-use schemas::config::StrikerConfig;
+use schemas::config::{RunConfig, StrikerConfig};
 use schemas::manifest::Physics;
 use schemas::method::Method;
 
@@ -91,6 +91,44 @@ fn reversed_velocities_lead_back_to_the_start() {
             let v_error = difference(&state.v_m_s, start.v_m_s.iter(), -1.0, physics.striker.velocity_m_s);
             // displacements of up to 30 L round by 3e-15 L; these add up to 2e-13 L at most as measured
             assert!(u_error.max(v_error) < 2e-12, "{method}, α = {alpha}: off by {u_error:e}, {v_error:e}");
+        }
+    }
+}
+
+/// Without walls nothing depends on the place, however large the forces would be of contacts with what is not there.
+#[test]
+fn a_chain_that_touches_no_wall_may_be_anywhere() {
+    let ends = ["left = \"free\"\nright = \"free\"", "left = \"periodic\"\nright = \"periodic\""];
+    let chains = [
+        "bonds = { toda = { stiffness = 1.0, steepness_per_m = 1.0 } }",
+        "bonds = { linear = 1.0, cubic = 0.1 }",
+        "alpha = 300.0\nstiffness = 1.0",
+    ];
+    for (chain, ends) in chains.iter().flat_map(|chain| ends.map(|ends| (chain, ends))) {
+        for beads in [3, 7, 16, 31, 40, 100] {
+            let config = RunConfig::from_toml(&format!(
+                "[chain]\nbeads = {beads}\nbead_mass_kg = 1.0\n{chain}\n[ends]\n{ends}\n[striker]\nbead = 0\n\
+                 velocity_m_s = 1.0\n[time]\nduration_s = 2.0\ndt_s = 0.004\n[integrator]\nmethod = \"velocity-verlet\"\n"
+            ));
+            let physics = Physics::resolve(&config.unwrap()).unwrap();
+            let end_of = |place_m: f64| {
+                let (u_m, v_m_s) = physics.initial_state();
+                let moved: Vec<f64> = u_m.iter().map(|u| u + place_m).collect();
+                let mut state = ChainState::starting_at(&physics, &moved, &v_m_s);
+                let mut integrator = Integrator::new(&physics);
+                while state.step < physics.step_count {
+                    integrator.advance(&mut state, physics.step_count);
+                }
+                state.u_m.iter().map(|u| u - place_m).collect::<Vec<_>>()
+            };
+            let here = end_of(0.0);
+            for there in [-1000.0, 1000.0].map(end_of) {
+                let is_close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-9;
+                assert!(
+                    here.iter().zip(&there).all(is_close),
+                    "{beads} beads, {chain}, {ends}: {here:?} {there:?}"
+                );
+            }
         }
     }
 }
