@@ -211,7 +211,7 @@ def orbit(
 
 
 def _found(config: Mapping[str, Any], out: str | os.PathLike[str], force: bool) -> tuple[Json, str]:
-    """What the command says of an orbit file, and the file."""
+    """Runs an orbit file: the summary of the command, and the file."""
     text = _toml(config)
     flags = [f"--out={os.fspath(out)}", *(["--force"] if force else [])]
     with tempfile.TemporaryDirectory(prefix="beadline-") as directory:

@@ -136,9 +136,19 @@ impl FrameSink for Nobody {
     }
 }
 
-impl Conductor<Nobody, Nobody> for Nobody {
-    fn after_frame(&mut self, _: &Frame<'_>, _: &mut Nobody, _: Option<&mut Nobody>) -> ControlFlow<()> {
+/// Lets a run go on. Somebody hears every frame, or nobody does.
+#[derive(Clone, Copy)]
+pub(crate) struct GoOn {
+    pub(crate) is_heard: bool,
+}
+
+impl<P: FrameSink> Conductor<P, Nobody> for GoOn {
+    fn after_frame(&mut self, _: &Frame<'_>, _: &mut P, _: Option<&mut Nobody>) -> ControlFlow<()> {
         ControlFlow::Continue(())
+    }
+
+    fn hears_every_frame(&self, _: &P) -> bool {
+        self.is_heard
     }
 }
 
@@ -278,8 +288,9 @@ impl Kind {
         let manifests = (0..MANY).map(manifest).collect::<Result<Vec<_>, Error>>()?;
         let (mut failed, began) = (Ok(()), Instant::now());
         for together in Together::of(&manifests) {
-            let mut nobody: Vec<_> = together.numbers().iter().map(|_| [Nobody, Nobody]).collect();
-            let jobs = together.numbers().iter().zip(&mut nobody).map(|(number, [publisher, conductor])| {
+            let mut sinks: Vec<_> =
+                together.numbers().iter().map(|_| (Nobody, GoOn { is_heard: true })).collect();
+            let jobs = together.numbers().iter().zip(&mut sinks).map(|(number, (publisher, conductor))| {
                 Job { manifest: &manifests[*number], publisher, recorder: None, conductor }
             });
             let jobs: Vec<_> = jobs.collect();

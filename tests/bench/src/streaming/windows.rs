@@ -1,34 +1,18 @@
 //! Whole runs with a consumer, whose frames say which beads move, beside the same runs alone.
 
-use super::super::chains::Nobody;
+use super::super::chains::{GoOn, Nobody};
 use super::super::recordings::manifest;
 use super::{Process, Streams, await_join};
 use crate::{Floor, Rounds, Row, timed};
 use anyhow::Error;
-use producer::run::{Conductor, run};
-use schemas::frame::{EndReason, Frame, FrameSink};
+use producer::run::run;
+use schemas::frame::{EndReason, FrameSink};
 use schemas::presets::PRESETS;
-use std::ops::ControlFlow;
 use std::thread::sleep;
 use std::time::Duration;
 
 /// A chain of which few beads move, and the time of its run (s).
 const LONG: (u64, f64) = (100_000, 0.02);
-
-/// Lets a run go on. Somebody hears every frame, or nobody does.
-struct GoOn {
-    is_heard: bool,
-}
-
-impl<P: FrameSink> Conductor<P, Nobody> for GoOn {
-    fn after_frame(&mut self, _: &Frame<'_>, _: &mut P, _: Option<&mut Nobody>) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    fn hears_every_frame(&self, _: &P) -> bool {
-        self.is_heard
-    }
-}
 
 pub(super) fn rows(streams: &Streams<'_>, rounds: u32) -> Result<Vec<Row>, Error> {
     let mut config = PRESETS[0].config();
@@ -65,6 +49,7 @@ impl Streams<'_> {
     /// The same with a consumer that waits for it.
     fn followed(&self, words: &[&str]) -> Result<Duration, Error> {
         let consumer = self.consumer("energies", &[])?;
+        // its start is no part of the time
         sleep(Duration::from_millis(200));
         let took = self.command(&[words, &["--wait-for", "1"]].concat())?;
         consumer.finish()?;
