@@ -4,7 +4,7 @@ import { Waveform, exp, expm1, ln, sincos } from "./waveforms.js";
 
 /** @import { BathEntry } from "./types.js" */
 
-const BOLTZMANN = 1.380649e-23;
+export const BOLTZMANN = 1.380649e-23;
 
 /** The upper 32 bits of a product. @param {number} a @param {number} b */
 function high(a, b) {

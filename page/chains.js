@@ -224,6 +224,9 @@ export class AnyStepper extends Stepper {
         }
       }
     });
+    if (this.atW >= 0) {
+      state.extra.set(state.u, this.atW);
+    }
     return state;
   }
 

@@ -1,6 +1,8 @@
 // Change one thing: the chain of a run with another mass, exponent, striker, drive or bond, and its configuration.
 
+import { scalesOf } from "./fields.js";
 import { beyondPlain, unknownPhysics } from "./keys.js";
+import { checkPhysics } from "./manifest.js";
 
 /** @typedef {import("./types.d.ts").Manifest} Manifest */
 /** @typedef {import("./types.d.ts").Chain} Chain */
@@ -89,12 +91,13 @@ export function changesOf(physics, chain) {
     ...ofDrives(physics),
     ...ofBonds(physics, chain),
   ];
-  return isPlain ? all : all.filter(({ change }) => whyNotChanged(change, physics) === "");
+  return isPlain ? all : all.filter(({ change }) => change.what === "drive" || whyNotChanged(change, physics) === "");
 }
 
 /** Why no change is made here in this chain; "" if some can be. @param {Physics} physics */
 export function whyNothingChanged(physics) {
-  const beyond = physics.initial === undefined ? unknownPhysics(physics) : "initial";
+  const isRounded = (physics.seed ?? 0) > Number.MAX_SAFE_INTEGER;
+  const beyond = physics.initial !== undefined ? "initial" : isRounded ? "a seed above 2^53" : unknownPhysics(physics);
   return beyond && `Nothing is changed here in a chain with ${beyond}: change its configuration, and run that.`;
 }
 
@@ -106,24 +109,25 @@ const MASSES_ARE_FREE = ["bonds", "drives", "strikers", "gaps_m", "second", "alp
  * @param {Change} change
  * @param {Physics} physics
  */
-export function whyNotChanged({ what, value }, physics) {
+export function whyNotChanged(change, physics) {
+  const { what, value } = change;
   const whyNothing = whyNothingChanged(physics);
   if (whyNothing) {
     return whyNothing;
   }
   const { load, damping, stiffnesses } = physics;
-  if (what === "drive" || what === "bond") {
-    const isRight = Number.isFinite(value) && (what === "drive" || !load);
-    return isRight ? "" : load ? "Bonds cannot be changed here under load: the overlaps at rest depend on them." : "Expected a number.";
+  if (what === "bond" && load) {
+    return "Bonds cannot be changed here under load: the overlaps at rest depend on them.";
   }
   const others = Object.fromEntries(Object.entries(physics).filter(([key]) => !MASSES_ARE_FREE.includes(key)));
-  const beyond = what === "speed" ? "" : beyondPlain(what === "mass" ? /** @type {any} */ (others) : physics);
-  if (beyond) {
-    const name = { mass: "A mass", alpha: "α" }[/** @type {"mass" | "alpha"} */ (what)];
+  const beyond = beyondPlain(what === "mass" ? /** @type {any} */ (others) : physics);
+  if (beyond && (what === "mass" || what === "alpha")) {
+    const name = { mass: "A mass", alpha: "α" }[what];
     return `${name} cannot be changed here in a chain with ${beyond}: change its configuration, and run that.`;
   }
   if (!Number.isFinite(value) || (what === "mass" && value <= 0) || (what === "alpha" && (value < 1 || value > 10))) {
-    return { mass: "A mass is more than 0 kg.", alpha: "α is from 1 to 10.", speed: "A speed is a number." }[what];
+    const allowed = { mass: "A mass is more than 0 kg.", alpha: "α is from 1 to 10.", speed: "A speed is a number." };
+    return { ...allowed, drive: "Expected a number.", bond: "Expected a number." }[what];
   }
   if (what === "speed" && value === 0 && !load && !physics.drives?.length && !physics.strikers?.length) {
     return "A striker at rest leaves the chain at rest.";
@@ -145,7 +149,36 @@ export function whyNotChanged({ what, value }, physics) {
   if (what === "mass" && stiffnesses === "radii") {
     return "A mass cannot be changed here: the stiffnesses follow the beads' radii.";
   }
+  if (what === "mass" || what === "alpha") {
+    return "";
+  }
+  try {
+    checkPhysics(withNumber(change, physics));
+  } catch (error) {
+    return `There is no such run: ${/** @type {Error} */ (error).message}.`;
+  }
   return "";
+}
+
+/**
+ * The physics with another speed, number of a drive, or stiffness of all bonds.
+ * @param {Change} change
+ * @param {Physics} before
+ */
+function withNumber({ what, bead, value, part = "" }, before) {
+  const physics = structuredClone(before);
+  const keys = what === "speed" ? ["striker", "velocity_m_s"] : what === "bond" ? ["bonds", part] : ["drives", bead, ...part.split(".")];
+  const last = keys.pop() ?? "";
+  const held = keys.reduce((/** @type {any} */ inside, key) => inside?.[key], physics);
+  if (typeof held?.[last] !== "number") {
+    throw new Error(`the manifest has no number at ${[...keys, last].join(".")}`);
+  }
+  // the stiffness of L and T is that of a bond
+  if (what === "bond" && last === Object.keys(held)[0] && held[last] === physics.stiffness) {
+    physics.stiffness = value;
+  }
+  held[last] = value + 0; // −0 is 0
+  return physics;
 }
 
 /** T up to a factor that stays: of a striker with v0, L/v0. @param {Physics} physics */
@@ -161,9 +194,10 @@ function collisionTime({ bead_mass_kg: m, stiffness: k, alpha, striker: { veloci
  * @param {Chain} chain
  * @returns {{ manifest: Manifest, chain: Chain }}
  */
-export function changed({ what, bead, value, part = "" }, manifest, chain) {
+export function changed(change, manifest, chain) {
+  const { what, bead, value, part = "" } = change;
   const before = manifest.physics;
-  const physics = structuredClone(before);
+  const physics = what === "mass" || what === "alpha" ? structuredClone(before) : withNumber(change, before);
   const other = structuredClone(chain);
   let shorter = 1;
   if (what === "mass") {
@@ -177,31 +211,22 @@ export function changed({ what, bead, value, part = "" }, manifest, chain) {
     const lightest = chain.mass.reduce((least, mass) => Math.min(least, mass));
     shorter = Math.min(1, Math.sqrt(value / lightest));
   } else if (what === "speed") {
-    physics.striker.velocity_m_s = value;
     const [now, then] = [collisionTime(physics), collisionTime(before)];
     shorter = now > 0 && then > 0 ? now / then : 1;
     shorter = beyondPlain(before) && !(shorter < 1) ? 1 : shorter;
-  } else if (what === "drive") {
-    const [keys, last] = [part.split("."), part.split(".").at(-1) ?? ""];
-    const held = keys.slice(0, -1).reduce((/** @type {any} */ inside, key) => inside?.[key], physics.drives?.[bead]);
-    if (typeof held?.[last] !== "number") {
-      throw new Error(`There is no number ${part} in drive ${bead}.`);
-    }
-    held[last] = value;
   } else if (what === "bond") {
-    const bonds = /** @type {Record<string, number>} */ (physics.bonds ?? {});
+    const was = /** @type {Record<string, number>} */ (before.bonds)[part];
     const power = OF_BONDS.find(([name]) => name === part)?.[1];
     const spring = other.terms?.find((term) => term.kind === "spring" && term.parameter === power);
-    if (!spring || typeof bonds[part] !== "number") {
+    if (!spring) {
       throw new Error(`There is no stiffness ${part} of all bonds.`);
     }
-    shorter = part === "linear" && value > bonds[part] ? Math.sqrt(bonds[part] / value) : 1;
-    bonds[part] = value;
+    shorter = part === "linear" && value > was ? Math.sqrt(was / value) : 1;
     spring.stiffness.fill(value);
     for (const end of /** @type {const} */ (["leftWall", "rightWall", "ring"])) {
       spring[end] = spring[end] ? value : spring[end];
     }
-  } else {
+  } else if (what === "alpha") {
     const length = Math.abs(before.striker.velocity_m_s) * collisionTime(before);
     const factor = Math.pow(length, before.alpha - value);
     physics.alpha = value;
@@ -220,6 +245,13 @@ export function changed({ what, bead, value, part = "" }, manifest, chain) {
         wall.stiffness *= factor;
       }
     }
+  }
+  const { left, right, absorbing_drag_n_s_per_m: given } = before.ends ?? {};
+  if (given === undefined && [left, right].includes("absorbing")) {
+    // by default it follows T, and so what is changed; here it stays as it is, but for rounding where another drag is added to it
+    const usual = ((before.load || before.bonds ? 0.5 : 0.005) * before.bead_mass_kg) / scalesOf(before, chain).time_s;
+    const found = chain.drag?.[left === "absorbing" ? 0 : before.beads - 1] ?? usual;
+    physics.ends = { ...physics.ends, absorbing_drag_n_s_per_m: Math.abs(found / usual - 1) < 1e-9 ? found : usual };
   }
   if (shorter !== 1) {
     physics.dt_s = before.dt_s * shorter;
@@ -251,13 +283,13 @@ export function configuration({ physics, provenance }) {
   const { damping, dt_s, step_count, ends, load, striker, method } = physics;
   const { publish_every_steps, record_every_steps } = provenance;
   const kind = damping?.restitution ? { restitution: damping.restitution.coefficient } : damping;
-  const { seed, disorder, spheres, odd_spheres, alphas, second, gaps_m, bonds, on_site, resonators, drives, strikers } =
+  const { seed, disorder, spheres, odd_spheres, alphas, second, gaps_m, bonds, on_site, resonators, drives, baths, strikers } =
     /** @type {any} */ (physics);
   // spheres and bonds stand for what they make
   const law = spheres ? {} : bonds ? { bead_mass_kg, masses } : { bead_mass_kg, alpha, stiffness, masses, stiffnesses };
   const isStruck = striker.velocity_m_s !== 0;
   const hasOne = !strikers?.length;
-  const top = { seed, disorder, drive: drives, striker: hasOne ? undefined : [striker, ...strikers] };
+  const top = { seed, disorder, drive: drives, bath: baths, striker: hasOne ? undefined : [striker, ...strikers] };
   const tables = Object.entries({
     chain: {
       beads,

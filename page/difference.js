@@ -1,5 +1,6 @@
 // The difference of two runs: off each state of the one is taken the state of the other at the same time. In a worker.
 
+import { AnyStepper } from "./chains.js";
 import { ENERGY_COUNT } from "./fields.js";
 import { copyOf } from "./history.js";
 
@@ -11,19 +12,37 @@ import { copyOf } from "./history.js";
 const SAME = 1e-6;
 
 /**
- * A state between two others, by the cubic that has their displacements and velocities.
- * @param {State} before @param {State} after @param {number} part of the step, from 0 to 1 @param {number} dt
+ * A state between two others, by the cubic that has their displacements and velocities; works and heat on a straight line.
+ * @param {State} before @param {State} after @param {number} part of the step, from 0 to 1
+ * @param {import("./kernel.js").Stepper} stepper
  * @returns {State}
  */
-export function between(before, after, part, dt) {
-  const [x, y] = [part, 1 - part];
+export function between(before, after, part, stepper) {
+  const [x, y, dt] = [part, 1 - part, stepper.dt];
   const [atBefore, atAfter] = [y * y * (1 + 2 * x), x * x * (3 - 2 * x)];
   const slope = (6 * x * y) / dt;
-  const u = before.u.map((u, i) => atBefore * u + atAfter * after.u[i] + dt * x * y * (y * before.v[i] - x * after.v[i]));
-  const v = before.v.map(
-    (v, i) => slope * (after.u[i] - before.u[i]) + y * (1 - 3 * x) * v + x * (3 * x - 2) * after.v[i],
-  );
-  return { step: before.step, time_s: before.time_s + part * dt, u, v, extra: new Float64Array(0) };
+  /** @param {ArrayLike<number>} u @param {ArrayLike<number>} v @param {ArrayLike<number>} nextU @param {ArrayLike<number>} nextV */
+  const cubic = (u, v, nextU, nextV) => [
+    Float64Array.from(u, (u, i) => atBefore * u + atAfter * nextU[i] + dt * x * y * (y * v[i] - x * nextV[i])),
+    Float64Array.from(v, (v, i) => slope * (nextU[i] - u[i]) + y * (1 - 3 * x) * v + x * (3 * x - 2) * nextV[i]),
+  ];
+  const [u, v] = cubic(before.u, before.v, after.u, after.v);
+  const extra = before.extra.map((value, i) => y * value + x * after.extra[i]);
+  if (stepper instanceof AnyStepper) {
+    // resonators move as beads do, and walls as they are driven
+    const { atW: w, beads: n } = stepper;
+    const row = (/** @type {State} */ { extra }, /** @type {number} */ at) => extra.subarray(at, at + n);
+    if (w >= 0) {
+      cubic(row(before, w), row(before, w + n), row(after, w), row(after, w + n)).forEach((values, i) => extra.set(values, w + i * n));
+    }
+    const [walls, next] = [stepper.wallsOf(before), stepper.wallsOf(after)];
+    stepper.drives.forEach(({ wall }, d) => {
+      if (wall !== undefined) {
+        [extra[stepper.atDrives + 2 * d + 1]] = cubic([walls[wall].x], [walls[wall].v], [next[wall].x], [next[wall].v])[0];
+      }
+    });
+  }
+  return { step: before.step, time_s: before.time_s + part * dt, u, v, extra };
 }
 
 /** Values of the difference, in the places of the first run. */
@@ -106,7 +125,7 @@ export class DifferenceHistory {
     }
     const before = yield* this.other.at(Math.floor(step));
     const after = yield* this.other.at(Math.floor(step) + 1);
-    return between(before, after, step - Math.floor(step), dt);
+    return between(before, after, step - Math.floor(step), /** @type {import("./kernel.js").Stepper} */ (this.other.stepper));
   }
 
   /** @param {number} step @returns {AsyncGenerator<void, Difference>} */

@@ -1,8 +1,10 @@
 // Fields of a state: a quantity for each bead or contact, energies, and their reduction to pixels.
 
+import { BOLTZMANN } from "./baths.js";
 import { stepperOf } from "./chains.js";
 import { KERNEL_VERSION, METHODS, isKnown, retired } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
+import { Waveform, largest } from "./waveforms.js";
 
 /** Kinetic, potential, left, split bead, right, dissipated, driven, total (J). */
 export const ENERGY_COUNT = 8;
@@ -48,24 +50,66 @@ export function whyNotRecomputed(physics, chain) {
   return lacking && `The manifest has ${lacking}, and the chain that came with it has not.`;
 }
 
+/** The largest speed (m/s), and the largest overlap (m), that something gives beads, as the command estimates them. @param {any} physics */
+function estimates({ bead_mass_kg: m, stiffness: k, alpha, ends, on_site: site, resonators, drives = [], baths = [], initial = {}, ...physics }) {
+  const { thermal, displacements_m: u = [0], resonator_displacements_m: w = [] } = initial;
+  const shapes = [initial.gaussian, initial.plane_wave, initial.mode];
+  const peaks = (/** @type {string} */ key, unit = 1) =>
+    [...drives, ...baths].map(({ [key]: shape }) => (shape ? unit * new Waveform(shape, 1).largest() : 0));
+  const hot = [...peaks("temperature_j"), ...peaks("temperature_k", BOLTZMANN)];
+  hot.push(thermal ? 2 * (thermal.energy_j ?? 0.5 * BOLTZMANN * thermal.temperature_k) : 0);
+  const speed = largest(
+    ...[initial.velocities_m_s, initial.resonator_velocities_m_s, peaks("velocity_m_s")],
+    [physics.striker, physics.strikers, shapes].flat().map((one) => one?.velocity_m_s),
+    hot.map((joule) => 3 * Math.sqrt(joule / m)), // three standard deviations
+  );
+  const [first, last] = [u[0], u[u.length - 1]];
+  const atEnds = ends?.left === "periodic" ? last - first : [ends?.left === "fixed" && first, ends?.right === "fixed" && last];
+  const springs = resonators?.stiffness_n_per_m;
+  const stiffest = largest(springs?.pattern ?? springs?.list ?? springs);
+  const pushed = largest(peaks("force_n"), w.map((/** @type {number} */ x, /** @type {number} */ i) => stiffest * (x - (u[i] ?? 0))));
+  const overlap = largest(
+    u.map((/** @type {number} */ x, /** @type {number} */ i) => (i > 0 ? u[i - 1] - x : 0)),
+    ...[site ? u : atEnds, shapes.map((shape) => shape?.displacement_m), peaks("displacement_m"), Math.pow(pushed / k, 1 / alpha)],
+  );
+  return { speed, overlap };
+}
+
+/** The largest rest overlap (m) that rules allow. @param {any} physics @param {import("./types.d.ts").Chain} chain */
+function largestRest({ bead_mass_kg: m, stiffness: k, load, masses, stiffnesses, contacts = [], ends = {}, ...physics }, chain) {
+  if (!load || physics.alphas || physics.second || physics.bonds) {
+    return load ? chain.restOverlap.reduce((most, rho) => Math.max(most, rho), 0) : 0;
+  }
+  const rule = masses?.pattern_kg ?? masses?.list_kg ?? [m, m * Math.pow(masses?.taper ?? 1, physics.beads - 1)];
+  let all = [...rule, ...physics.impurities.map((/** @type {any} */ one) => one.mass_kg)];
+  const least = (/** @type {number[]} */ values) => values.reduce((a, b) => Math.min(a, b));
+  const usual = stiffnesses === "radii" ? k * Math.sqrt(Math.cbrt(least(all) / m)) : k;
+  const walls = ["left", "right"].flatMap((end) => (ends[end] === "fixed" ? [ends[`${end}_stiffness`] ?? k] : []));
+  let soft = [...(stiffnesses?.pattern ?? stiffnesses?.list ?? [usual]), ...contacts.map((/** @type {any} */ odd) => odd.stiffness), ...walls];
+  if (physics.spheres || physics.disorder) {
+    const closing = physics.kernel_version > 2 && chain.ring ? [chain.ring.stiffness] : [];
+    [all, soft] = [[...chain.mass], [...chain.stiffness, ...closing]];
+  }
+  // the softest contact under all of the load
+  const most = Math.abs(load.gravity_m_s2 ?? 0) * (physics.beads * largest(all)) + (load.precompression_n ?? 0);
+  return Math.pow(most / least(soft), 1 / physics.alpha);
+}
+
 /**
- * Length L (m) and time T (s) of a collision at the striker's speed, or where nothing strikes of a loaded contact.
+ * Length L (m) and time T (s) of a collision at the largest speed that something gives, or where there is none of a contact with the
+ * largest overlap, as the command has them.
  * @param {import("./types.d.ts").Physics} physics
  * @param {import("./types.d.ts").Chain} chain
  */
 export function scalesOf(physics, chain) {
-  const { alpha, stiffness: k, bead_mass_kg: m } = physics;
-  const strikers = [physics.striker, ...(physics.strikers ?? [])];
-  const speed = strikers.reduce((most, { velocity_m_s: v }) => Math.max(most, Math.abs(v)), 0);
-  if (speed > 0) {
-    const length = Math.pow((m * speed * speed) / k, 1 / (alpha + 1));
-    return { length_m: length, time_s: length / speed };
+  const { alpha, stiffness: k, bead_mass_kg: m, baths } = physics;
+  const { speed, overlap } = estimates(physics);
+  const struck = Math.pow((m * (speed * speed)) / k, 1 / (alpha + 1));
+  // beside a bath, which gives speeds, drives and displacements may press more
+  if (speed > 0 && !(baths?.length && overlap > struck)) {
+    return { length_m: struck, time_s: struck / speed };
   }
-  const walls = [chain.leftWall, chain.rightWall, chain.ring].map((wall) => wall?.restOverlap ?? 0);
-  let length = Math.max(0, ...walls);
-  for (const overlap of chain.restOverlap) {
-    length = Math.max(length, overlap);
-  }
+  const length = (speed > 0 ? 0 : largestRest(physics, chain)) || overlap;
   return { length_m: length, time_s: length > 0 ? Math.sqrt(m / (k * Math.pow(length, alpha - 1))) : 0 };
 }
 
@@ -159,7 +203,8 @@ export class Fields {
   /**
    * Writes a row of a map to `into`: for each of `columns` columns the value that is largest in magnitude among
    * the places `first` to `last`, so that no pulse is lost between pixels; of contacts the rarest class
-   * (0 touching, 1 compressed, 2 open). Overlaps and forces of a loaded chain count from rest; forces are without damping.
+   * (0 touching, 1 compressed, 2 open). Overlaps and forces count from rest; forces are without damping. The last contact of a
+   * ring closes it.
    * @param {import("./types.d.ts").Field} field
    * @param {import("./types.d.ts").State} state
    * @param {[number, number]} places
@@ -168,8 +213,13 @@ export class Fields {
    */
   row(field, state, [first, last], columns, into) {
     const { u, v } = state;
-    const { mass, restOverlap, restForce } = this.chain;
+    const { mass, restOverlap, restForce, ring } = this.chain;
     const { stepper } = this;
+    const apart = (/** @type {number} */ contact) => u[contact] - u[contact + 1 < u.length ? contact + 1 : 0];
+    const restOf = (/** @type {number} */ contact) => restOverlap[contact] ?? ring?.restOverlap ?? 0;
+    // a bead has all of the energy of its contact with a wall
+    const wallJ = (/** @type {number} */ bead) =>
+      ring ? 0 : (bead === 0 ? contactJ[0] : 0) + (bead === u.length - 1 ? contactJ[u.length] : 0);
     const contactJ = field === "energy" ? this.contacts(state) : this.contactJ;
     const tolerance = this.toleranceM;
     const count = last - first + 1;
@@ -184,15 +234,15 @@ export class Fields {
         } else if (field === "displacement") {
           value = u[place];
         } else if (field === "overlap") {
-          value = u[place] - u[place + 1];
+          value = apart(place);
         } else if (field === "force") {
-          value = this.force(place, u[place] - u[place + 1] + restOverlap[place]) - (restForce[place] ?? 0);
+          value = this.force(place, apart(place) + restOf(place)) - (restForce[place] ?? ring?.restForce ?? 0);
         } else if (field === "energy") {
           const { kinetic, potential } = stepper.resonatorEnergy(state, place);
-          value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1]);
+          value = 0.5 * mass[place] * (v[place] * v[place]) + 0.5 * (contactJ[place] + contactJ[place + 1] + wallJ(place));
           value += stepper.siteEnergy(state, place) + kinetic + potential;
         } else {
-          const overlap = u[place] - u[place + 1] + restOverlap[place];
+          const overlap = apart(place) + restOf(place);
           // compressed before open before touching
           value = overlap > tolerance ? 1 : overlap < -tolerance ? 2 : 0;
           shown = outermost(field, shown, value);

@@ -29,7 +29,7 @@ import { colourScale, css } from "./colours.js";
 export const FIELD_LABELS = {
   velocity: ["velocity", "m/s"],
   displacement: ["displacement", "m"],
-  overlap: ["overlap", "m"],
+  overlap: ["overlap from rest", "m"],
   energy: ["energy", "J"],
   contacts: ["contact", ""],
   force: ["force from rest", "N"],

@@ -225,7 +225,6 @@ export class Page {
       // a shared file may hold any number of them
       run.pulses = (found?.pulses ?? []).slice(0, MOST_RESULTS);
       run.modes = (found?.modes ?? []).slice(0, MOST_RESULTS);
-      this.tabs.forget();
       this.board.invalidate();
     });
     if (!this.isFollowing) {

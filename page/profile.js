@@ -31,11 +31,12 @@ import { FIELD_LABELS, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } 
 const MOST_BEADS = 60;
 
 /**
- * Values of the places in view, with one more on each side.
+ * Values of the places in view, with one more on each side; in a ring the last contact closes it.
  * @param {State} state @param {Field} field @param {[number, number]} places @param {Valuer | undefined} fields
+ * @param {boolean} isRing
  */
-function valuesOf(state, field, [from, to], fields) {
-  const last = state.u.length - (isOfContacts(field) ? 2 : 1);
+function valuesOf(state, field, [from, to], fields, isRing) {
+  const last = state.u.length - (isOfContacts(field) && !isRing ? 2 : 1);
   const first = Math.max(0, Math.floor(from));
   const count = Math.min(last, Math.ceil(to)) - first + 1;
   const values = new Float64Array(Math.max(0, count));
@@ -48,7 +49,7 @@ function valuesOf(state, field, [from, to], fields) {
   const { u, v } = state;
   for (let i = 0; i < values.length; i += 1) {
     const place = first + i;
-    values[i] = field === "velocity" ? v[place] : field === "displacement" ? u[place] : u[place] - u[place + 1];
+    values[i] = field === "velocity" ? v[place] : field === "displacement" ? u[place] : u[place] - u[(place + 1) % u.length];
   }
   return { first, values };
 }
@@ -145,11 +146,12 @@ export function drawProfile(surface, box, data, view, theme) {
   const plot = { ...inside, height: inside.height - (strip > 0 ? strip + 6 : 0) };
   /** @type {{ first: number, values: Float64Array, colour: string, dash: number[] }[]} */
   const curves = [];
+  const isRing = data.chain.ring !== undefined;
   if (state !== undefined) {
-    curves.push({ ...valuesOf(state, field, view.places, data.fields), colour: theme.curves[0], dash: [] });
+    curves.push({ ...valuesOf(state, field, view.places, data.fields, isRing), colour: theme.curves[0], dash: [] });
   }
   if (second !== undefined) {
-    curves.push({ ...valuesOf(second, field, view.places, data.secondFields), colour: theme.curves[1], dash: [6, 3] });
+    curves.push({ ...valuesOf(second, field, view.places, data.secondFields, isRing), colour: theme.curves[1], dash: [6, 3] });
   }
   const { from, to, beyond, farthest } = rangeOf(
     curves.map(({ values }) => values),

@@ -71,7 +71,7 @@ export class Run {
 
   /** Last place of a field. @param {Field} field */
   lastPlace(field) {
-    return Math.max(1, this.beads - (placeWord(field) === "contact" ? 2 : 1));
+    return this.beads - (placeWord(field) === "bead" || this.info.chain.ring ? 1 : 2);
   }
 
   /**

@@ -34,7 +34,7 @@ const MOST_ROWS = 20;
 
 /** Keys of a manifest for chains beyond one power law; their values are shown as they are. */
 const FURTHER = [
-  ...["alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
+  ...["contacts", "alphas", "second", "gaps_m", "bonds", "on_site", "resonators", "spheres", "odd_spheres"],
   ...["disorder", "seed", "initial"],
 ];
 
@@ -79,7 +79,7 @@ function chainPairs(physics, digits) {
   }
   for (const name of FURTHER) {
     const value = /** @type {Record<string, unknown>} */ (/** @type {unknown} */ (physics))[name];
-    if (value !== undefined) {
+    if (value !== undefined && !(Array.isArray(value) && value.length === 0)) {
       chain.push([name.replace(/_/g, " "), ruleOf(value)]);
     }
   }
@@ -90,8 +90,18 @@ function chainPairs(physics, digits) {
   if (drives.length > MOST_ROWS) {
     chain.push(["drives", `and ${drives.length - MOST_ROWS} more`]);
   }
+  for (const { beads, pairs, friction_per_s: friction, seed, temperature_j: joule, temperature_k: kelvin } of (
+    physics.baths ?? []
+  ).slice(0, MOST_ROWS)) {
+    const [held, unit] = joule === undefined ? [kelvin, "K"] : [joule, "J"];
+    const { constant } = held ?? {};
+    const temperature = typeof constant === "number" ? amount(constant, unit, digits) : `${ruleOf(held)} ${unit}`;
+    const own = seed === undefined ? "" : `, seed ${seed}`;
+    chain.push([pairs ? "pair bath" : "bath", `beads ${beads}: ${temperature}, friction ${friction} 1/s${own}`]);
+  }
   if (ends) {
-    chain.push(["ends", `${ends.left ?? "free"}, ${ends.right ?? "free"}`]);
+    const { left = "free", right = "free", ...more } = ends;
+    chain.push(["ends", [left, right, ...(Object.keys(more).length > 0 ? [ruleOf(more)] : [])].join(", ")]);
   }
   if (load?.gravity_m_s2) {
     chain.push(["gravity", amount(load.gravity_m_s2, "m/s²", digits)]);

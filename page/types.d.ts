@@ -25,7 +25,7 @@ export interface Physics {
   method: string;
   dt_s: number;
   step_count: number;
-  ends?: { left?: string; right?: string; left_stiffness?: number; right_stiffness?: number };
+  ends?: { left?: string; right?: string; left_stiffness?: number; right_stiffness?: number; absorbing_drag_n_s_per_m?: number };
   load?: { gravity_m_s2?: number; precompression_n?: number };
   damping?: {
     viscous_n_s_per_m?: number;
@@ -187,7 +187,7 @@ export interface Info {
   kind: "recording" | "live" | "start";
   manifest: Manifest;
   chain: Chain;
-  /** Lengths and times of the run: L = (m·v0²/k)^(1/(α+1)) (m), T = L/v0 (s); 0 where v0 is. */
+  /** Lengths and times of the run: L (m) and T (s), as docs/NOTATION.md has them. */
   scales: { length_m: number; time_s: number };
   /** First and last step that can be shown; the last one grows while a run goes. */
   firstStep: number;

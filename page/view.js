@@ -32,7 +32,7 @@
 export const FIELDS = [
   ["velocity", "velocity"],
   ["displacement", "displacement"],
-  ["overlap", "overlap"],
+  ["overlap", "overlap from rest"],
   ["energy", "energy density"],
   ["contacts", "contacts"],
   ["force", "force from rest"],

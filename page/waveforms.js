@@ -271,6 +271,9 @@ function tangent(times, values, j) {
   return secant(near) + ((secant(near) - secant(far)) * length(near)) / (length(near) + length(far));
 }
 
+/** The largest size of some numbers and lists of numbers; what is none counts as 0. @param {...any} values @returns {number} */
+export const largest = (...values) => values.flat(2).reduce((most, x) => Math.max(most, Math.abs(x) || 0), 0);
+
 /** A waveform of a drive. */
 export class Waveform {
   /** @param {Shape} shape @param {number} dt */
@@ -308,6 +311,15 @@ export class Waveform {
       throw new Error(`a waveform that is not known here: ${Object.keys(shape)}`);
     }
     return [shape.constant, 0];
+  }
+
+  /** A number that no value exceeds in size: a cubic leaves the range of its two values by at most 4/27 of each of its slopes. */
+  largest() {
+    const [held] = /** @type {any[]} */ (Object.values(this.shape));
+    const { times_s: t, values = [held.amplitude ?? held], interpolation } = held;
+    const slopes = (/** @type {number} */ i) => Math.abs(tangent(t, values, i)) + Math.abs(tangent(t, values, i + 1));
+    const steep = (/** @type {number} */ i) => (interpolation === "cubic" && t[i + 1] > t[i] ? (t[i + 1] - t[i]) * slopes(i) : 0);
+    return largest(values.map((/** @type {number} */ x, /** @type {number} */ i) => Math.abs(x) + (4 / 27) * Math.max(steep(i - 1), steep(i))));
   }
 
   /** The times at which it jumps, has a kink, or goes over into another formula (s). @returns {number[]} */

@@ -44,7 +44,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use values::{
     parse_count, parse_impurity, parse_jobs, parse_number, parse_pace, parse_pair, parse_positive,
-    parse_seconds, parse_shard, parse_whole,
+    parse_seconds, parse_seed, parse_shard, parse_whole,
 };
 
 /// Shocks in granular chains: simulated, streamed, recorded and analysed while they run.
@@ -254,7 +254,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "DIR", conflicts_with = "no_record")]
     pub(crate) spool: Option<PathBuf>,
     /// Publish only, write no recording
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record_every_steps")]
     pub(crate) no_record: bool,
     /// Record only: the run needs no shared memory, and no consumer can follow it
     #[arg(long, conflicts_with_all = ["wait_for", "stall_timeout", "no_record"])]
@@ -350,7 +350,7 @@ pub(crate) struct Overrides {
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
     pub(crate) striker: Vec<(u64, f64)>,
     /// Seed of disorder and thermal velocities
-    #[arg(long, value_name = "N", value_parser = parse_whole)]
+    #[arg(long, value_name = "N", value_parser = parse_seed)]
     pub(crate) seed: Option<u64>,
     /// Simulated time (s)
     #[arg(long, value_name = "S", value_parser = parse_number)]
@@ -393,13 +393,13 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "DIR", required_unless_present_any = ["example", "plan", "status", "merge"])]
     pub(crate) out: Option<PathBuf>,
     /// Points computed at the same time [default: the cores of this machine]
-    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    #[arg(long, value_name = "N", value_parser = parse_jobs, conflicts_with = "SlurmArgs")]
     pub(crate) jobs: Option<NonZero<usize>>,
     /// Compute only the points whose index leaves the remainder I by N
-    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "SlurmArgs")]
     pub(crate) shard: Option<Shard>,
     /// Compute nothing; make tables of the existing rows: `--merge DIR`, or with SWEEP.toml and --out
-    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes"])]
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "force", "record", "yes", "SlurmArgs"])]
     pub(crate) merge: bool,
     /// Record each point, even if the sweep file does not ask for it
     #[arg(long)]
@@ -408,16 +408,23 @@ pub(crate) struct SweepArgs {
     #[arg(long, conflicts_with = "shard")]
     pub(crate) force: bool,
     /// Begin without a question, however long it takes
-    #[arg(long)]
+    #[arg(long, conflicts_with = "SlurmArgs")]
     pub(crate) yes: bool,
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
     /// Compute a few points for two seconds, and print an estimate for all: time, disk, shards, first limit
-    #[arg(long, conflicts_with_all = ["out", "shard", "jobs", "force", "record", "yes", "merge"])]
+    #[arg(long, conflicts_with_all = ["out", "shard", "jobs", "force", "record", "yes", "merge", "SlurmArgs"])]
     pub(crate) plan: bool,
     /// Cores to plan for, beside those of this machine [default: 1, 100, 1,000 and 10,000]
-    #[arg(long, value_name = "N", requires = "plan", value_parser = parse_positive)]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "plan",
+        value_parser = parse_positive,
+        // clap does not ask for an argument that another one rules out
+        conflicts_with_all = ["out", "shard", "jobs", "force", "record", "yes", "merge", "status", "SlurmArgs"]
+    )]
     pub(crate) cores: Option<NonZero<u64>>,
     /// Print a sweep file to start from
     #[arg(
@@ -429,7 +436,7 @@ pub(crate) struct SweepArgs {
     )]
     pub(crate) example: Option<String>,
     /// Print the progress of the sweep in DIR, and the shards that failed, were requeued, have not begun or stand still
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "slurm", "plan"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["file", "out", "merge", "shard", "jobs", "record", "force", "yes", "SlurmArgs", "plan"])]
     pub(crate) status: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) slurm: SlurmArgs,

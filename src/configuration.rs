@@ -5,7 +5,7 @@ use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use recording::RecordingInfo;
-use schemas::config::{ConfigError, Impurity, RunConfig, StrikerConfig, Strikers};
+use schemas::config::{ConfigError, DRAWS, Impurity, OWN_STIFFNESSES, RunConfig, StrikerConfig, Strikers};
 use schemas::credit::Credit;
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
@@ -81,6 +81,15 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     };
     let written = config.clone();
     let mut replaced = apply(args.overrides, args.name.as_ref(), &mut config);
+    let of_bonds = ["--alpha", "--stiffness"];
+    if let (Some((_, flag)), true) =
+        (replaced.iter().find(|(_, flag)| of_bonds.contains(flag)), config.chain.bonds.is_some())
+    {
+        return Err(bad_input!("{flag}: allowed: {OWN_STIFFNESSES}"));
+    }
+    if let (Some(seed), false) = (args.overrides.seed, config.draws()) {
+        return Err(bad_input!("--seed {seed}: allowed: {DRAWS}"));
+    }
     replaced.extend(args.credit.into_iter().flat_map(|credit| give_credit(credit, &mut config.provenance)));
     let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let beside = args.config.as_ref().and_then(|path| path.parent());

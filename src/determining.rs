@@ -23,9 +23,7 @@ pub(crate) fn check_noise(physics: &Physics) -> Result<(), Failure> {
     if physics.baths.is_empty() {
         return Ok(());
     }
-    Err(bad_input!(
-        "a run with baths is not determined: steps of another length have other noise; compare seeds instead, or leave [[bath]] out"
-    ))
+    Err(bad_input!("{}", experiments::row::OTHER_NOISE))
 }
 
 /// A comparison in a thread of its own, beside a run.
@@ -114,8 +112,8 @@ pub(crate) fn explanation(physics: &Physics, outcome: &Outcome) -> String {
     text
 }
 
-/// The longest step (s) with which everything would still be determined to the end, by the order of the method, if it is at least half as long
-/// again.
+/// The longest step (s) with which everything would still be determined to the end, if it is at least half as long again. Errors are taken to grow
+/// by the order of the method: where contacts open they grow less, and in chains that stay pressed together as much.
 fn longer_step_s(physics: &Physics, outcome: &Outcome) -> Option<f64> {
     if outcome.first_lost().is_some() {
         return None;
@@ -123,8 +121,12 @@ fn longer_step_s(physics: &Physics, outcome: &Outcome) -> Option<f64> {
     let measured = outcome.quantities.iter().filter(|each| !each.quantity.is_count());
     let worst = measured.map(|each| each.step.worst).fold(0.0, f64::max);
     // errors that collisions multiply, and luck: a factor of 4
-    let times = (outcome.tolerance / (4.0 * worst)).powf(1.0 / producer::time_step::order(physics));
-    let longer_s = (times * physics.dt_s).min(physics.longest_dt_s());
+    let times = (outcome.tolerance / (4.0 * worst)).powf(1.0 / f64::from(physics.method.order()));
+    // a step that is allowed, and not longer than the run; in three digits, rounded down
+    let longest_s = physics.longest_dt_s().min(physics.time_s(physics.step_count));
+    let longer_s = (times * physics.dt_s).min(longest_s);
+    let digit_s = 10_f64.powf(longer_s.log10().floor() - 2.0);
+    let longer_s = (longer_s / digit_s).floor() * digit_s;
     (longer_s >= WORTH_LONGER * physics.dt_s).then_some(longer_s)
 }
 

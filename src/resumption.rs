@@ -226,7 +226,7 @@ enum Copied {
 }
 
 /// Reason why a recording cannot be resumed.
-fn hindrance(info: &RecordingInfo) -> Option<String> {
+pub(crate) fn hindrance(info: &RecordingInfo) -> Option<String> {
     let no_states = info.frames() == 0;
     let first_step = info.first_step.unwrap_or(0);
     if let Some(damage) = &info.damage {

@@ -17,6 +17,7 @@ use schemas::results::{KeptValues, ResultColumns};
 use schemas::text::shown;
 use serde_json::Value;
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
@@ -241,7 +242,7 @@ impl<'a> Beginning<'a> {
         self.numbers(setting, "beads", 0..=self.manifest.physics.beads - 1)
     }
 
-    /// The whole numbers of `setting`, which stand for things of the chain that are numbered by `allowed`.
+    /// The whole numbers of `setting`, each once, which stand for things of the chain that are numbered by `allowed`.
     ///
     /// # Errors
     /// When the chain has no such thing.
@@ -251,7 +252,9 @@ impl<'a> Beginning<'a> {
         things: &str,
         allowed: RangeInclusive<u64>,
     ) -> Result<Vec<u64>, Refusal> {
-        let found: Vec<u64> = self.settings.all(setting);
+        let mut found: Vec<u64> = self.settings.all(setting);
+        let mut seen = BTreeSet::new();
+        found.retain(|number| seen.insert(*number));
         match found.iter().find(|number| !allowed.contains(number)) {
             None => Ok(found),
             Some(number) => {

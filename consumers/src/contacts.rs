@@ -20,7 +20,7 @@ pub fn default_tolerance_m(manifest: &RunManifest) -> f64 {
 pub struct Contacts {
     chain: Chain,
     tolerance_m: f64,
-    /// True if all contacts touch at rest.
+    /// True if all contacts touch at rest. In a ring nobody asks: the one that closes it may be far from those that moved.
     touch_at_rest: bool,
     classes: Vec<u8>,
     /// The beads that may have moved in the last frame.
@@ -44,9 +44,15 @@ impl Contacts {
     /// Makes one for the frames of `manifest`'s run; `tolerance_m` in m.
     pub fn new(manifest: &RunManifest, tolerance_m: f64) -> Self {
         let chain = manifest.physics.chain();
-        let touch_at_rest = chain.rest_overlap_m.iter().all(|m| class(*m, tolerance_m) == TOUCHING);
-        let (classes, seen) = (vec![TOUCHING; chain.contact_count()], Active::all(chain.bead_count()));
+        let touch_at_rest =
+            !chain.is_ring && chain.rest_overlap_m.iter().all(|m| class(*m, tolerance_m) == TOUCHING);
+        let (classes, seen) = (vec![TOUCHING; chain.all_contact_count()], Active::all(chain.bead_count()));
         Self { chain, tolerance_m, touch_at_rest, classes, seen }
+    }
+
+    /// Number of beads.
+    pub(crate) fn bead_count(&self) -> usize {
+        self.chain.bead_count()
     }
 
     /// The tolerance (m).
@@ -54,7 +60,7 @@ impl Contacts {
         self.tolerance_m
     }
 
-    /// The class of each contact of the frame observed last, N − 1 values; all touching before that.
+    /// The class of each contact of the frame observed last, in a ring with the one that closes it as the last; all touching before that.
     pub fn classes(&self) -> &[u8] {
         &self.classes
     }
@@ -66,9 +72,13 @@ impl Contacts {
         (contacts.start, &self.classes[contacts])
     }
 
-    /// The class of each contact of `frame`, N − 1 values.
+    /// The class of each contact of `frame`.
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[u8] {
-        let all = self.classes.len();
+        let all = self.chain.contact_count();
+        if self.chain.is_ring {
+            let [approach_m, _] = self.chain.wall_approaches_m(frame.u_m, frame.extra);
+            self.classes[all] = class(self.chain.wall(0).overlap_m(approach_m), self.tolerance_m);
+        }
         let places = self.seen.renew(frame.moving()).contacts(all).within(0..all);
         let contacts = places.len();
         let (left, right) = (&frame.u_m[places.clone()], &frame.u_m[places.start + 1..=places.end]);
@@ -176,6 +186,22 @@ mod tests {
         assert_eq!(classes, [COMPRESSED, TOUCHING, OPEN, TOUCHING]);
         let expected = ContactCounts { compressed: 1, touching: 2, open: 1, compressed_range: Some((0, 0)) };
         assert_eq!(ContactCounts::of(classes), expected);
+    }
+
+    #[test]
+    fn a_ring_is_closed_by_a_contact() {
+        let mut config = PRESETS[2].config();
+        config.chain.beads = 4;
+        (config.ends.left, config.ends.right) =
+            (schemas::config::End::Periodic, schemas::config::End::Periodic);
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let m = RunManifest::new(&config, "run", origin).expect("valid");
+        let u_m = [0.0, 0.0, 1e-9, 3e-9]; // overlaps 0, −1, −2 and 3 nm
+        let frame =
+            Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &[0.0; 4], extra: &[], active: None };
+        let mut contacts = Contacts::new(&m, 1.5e-9);
+        assert_eq!(contacts.observe(&frame), [TOUCHING, TOUCHING, OPEN, COMPRESSED]);
+        assert_eq!(contacts.touched(), (0, &[TOUCHING, TOUCHING, OPEN, COMPRESSED][..]));
     }
 
     #[test]

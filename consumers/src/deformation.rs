@@ -20,17 +20,25 @@
 
 mod curve;
 mod first_pulse;
+mod plain;
 
 pub use curve::{Sample, Shape};
 pub use first_pulse::{CLOSED, COUNTED, FirstPulse};
+pub(crate) use plain::Plain;
 
 use crate::theory::{Coefficients, ContinuumWave, SolitaryWave, Strength, WaveScale};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use schemas::term::Term;
 
 /// Speeds are measured between the contacts this far before and behind.
 pub const BASELINE: u64 = 5;
+
+/// The times from one gauge to the contact and on to the other differ by less than this part of their mean where one pulse
+/// passes all three. In a taper of 0.95 from bead to bead they differ by about 13 %; pulses from both sides differ by
+/// more, unless they meet within half a contact of a gauge, where they are one.
+const HALVES: f64 = 0.25;
 
 /// Beads and contacts this far on either side of a contact must be equal for a theory of equal beads.
 const ALIKE: usize = 3;
@@ -39,7 +47,9 @@ const ALIKE: usize = 3;
 #[derive(Debug, Clone)]
 pub struct Deformations {
     chain: Chain,
-    striker: usize,
+    plain: Plain,
+    /// Beads that are struck.
+    strikers: Vec<usize>,
     contacts: Vec<Followed>,
 }
 
@@ -47,7 +57,7 @@ pub struct Deformations {
 struct Followed {
     contact: u64,
     pulse: FirstPulse,
-    /// The contacts [`BASELINE`] before and behind, if the chain has them.
+    /// The contacts [`BASELINE`] before and behind, if the chain has them; in a ring around it.
     gauges: Option<[(u64, FirstPulse); 2]>,
 }
 
@@ -62,7 +72,7 @@ pub struct Deformation {
     pub samples: Vec<Sample>,
     /// Pulses that began after the first.
     pub later_pulse_count: u64,
-    /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it passed both ends of them.
+    /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it was the first at both ends of them.
     pub speed_beads_per_s: Option<f64>,
     /// The shape and the speed from every second frame alone, if these determine them: the difference is more than the
     /// error between frames.
@@ -150,35 +160,50 @@ impl Comparison {
 }
 
 impl Deformations {
-    /// Follows `contacts` of `manifest`'s run, each a contact of the chain.
+    /// Follows `contacts` of `manifest`'s run, each a contact of the chain; contact N − 1 closes a ring.
     pub fn new(manifest: &RunManifest, contacts: &[u64]) -> Self {
-        let chain = manifest.physics.chain();
-        let last = chain.contact_count() as u64 - 1;
-        let length_m = manifest.physics.scales().length_m;
+        let physics = &manifest.physics;
+        let chain = physics.chain();
+        let count = chain.all_contact_count() as u64;
+        let length_m = physics.scales().length_m;
         let gauges = |contact: u64| {
-            let before = contact.checked_sub(BASELINE)?;
-            let behind = contact.checked_add(BASELINE).filter(|behind| *behind <= last)?;
-            Some([before, behind].map(|contact| (contact, FirstPulse::new(length_m))))
+            let ends = if chain.is_ring && count > 2 * BASELINE {
+                [count - BASELINE, BASELINE].map(|on| (contact + on) % count)
+            } else {
+                let behind = contact.checked_add(BASELINE).filter(|behind| *behind < count)?;
+                [contact.checked_sub(BASELINE)?, behind]
+            };
+            Some(ends.map(|contact| (contact, FirstPulse::new(length_m))))
         };
         let follow = |contact: &u64| {
-            let contact = (*contact).min(last);
+            let contact = (*contact).min(count - 1);
             Followed { contact, pulse: FirstPulse::new(length_m), gauges: gauges(contact) }
         };
-        let striker = usize::try_from(manifest.physics.striker.bead).unwrap_or(usize::MAX);
-        Self { contacts: contacts.iter().map(follow).collect(), chain, striker }
+        let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
+        let strikers = strikers.filter(|striker| striker.velocity_m_s != 0.0);
+        Self {
+            contacts: contacts.iter().map(follow).collect(),
+            plain: Plain::of(physics, true),
+            strikers: strikers.map(|striker| usize::try_from(striker.bead).unwrap_or(usize::MAX)).collect(),
+            chain,
+        }
     }
 
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) {
         let chain = &self.chain;
         let sample = |contact: u64| {
-            // contacts are below N − 1, which is an index
+            // contacts are below N, which is an index
             let c = usize::try_from(contact).unwrap_or(usize::MAX);
-            Sample {
-                time_s: frame.time_s,
-                overlap_m: chain.overlap_m(frame.u_m, c),
-                rate_m_s: frame.v_m_s[c] - frame.v_m_s[c + 1],
-            }
+            let (overlap_m, rate_m_s) = if c < chain.contact_count() {
+                (chain.overlap_m(frame.u_m, c), frame.v_m_s[c] - frame.v_m_s[c + 1])
+            } else {
+                // the contact that closes a ring stands in the place of the left wall
+                let [approach_m, _] = chain.wall_approaches_m(frame.u_m, frame.extra);
+                let [rate_m_s, _] = chain.wall_approach_rates_m_s(frame.v_m_s, frame.time_s);
+                (chain.wall(0).overlap_m(approach_m), rate_m_s)
+            };
+            Sample { time_s: frame.time_s, overlap_m, rate_m_s }
         };
         for followed in &mut self.contacts {
             followed.pulse.push(sample(followed.contact));
@@ -204,8 +229,9 @@ impl Deformations {
     fn result(&self, followed: &Followed) -> Deformation {
         let c = usize::try_from(followed.contact).unwrap_or(usize::MAX);
         let (samples, law) = (followed.pulse.samples(), &self.chain.law);
-        let force = |overlap_m| law.force(self.chain.stiffness[c], overlap_m);
-        let measured = if self.chain.is_loaded() { Err(Untold::Loaded) } else { followed.pulse.shape(force) };
+        let force = |overlap_m| self.force_n(c, overlap_m);
+        let measured =
+            if self.chain.is_pressed() { Err(Untold::Loaded) } else { followed.pulse.shape(force) };
         let compare = |wave: Result<Wave, String>| {
             let shape = measured.map_err(|untold| untold.to_string())?;
             self.check_alike(c)?;
@@ -226,33 +252,39 @@ impl Deformations {
         }
     }
 
-    /// True if the beads and contacts around contact `c` are equal and dissipate nothing, and neither an end of the
-    /// chain nor the striker is among them: ends reflect waves, and waves begin at the striker.
+    /// Force (N) of contact `c` without damping.
+    fn force_n(&self, c: usize, overlap_m: f64) -> f64 {
+        if c < self.chain.contact_count() {
+            return self.chain.force_n(c, overlap_m);
+        }
+        let by_law = self.chain.law.force(plain::stiffness(&self.chain, c), overlap_m);
+        let force_n = |sum, term: &Term| sum + term.law.force(term.wall_stiffness[0], overlap_m);
+        self.chain.terms.iter().fold(by_law, force_n)
+    }
+
+    /// Checks that nothing acts on the beads around contact `c` but their contacts, all equal, and that neither an end of
+    /// the chain nor a striker is among them: ends reflect waves, and waves begin at strikers.
     fn check_alike(&self, c: usize) -> Result<(), String> {
-        if c < ALIKE || c + ALIKE >= self.chain.contact_count() {
+        /// Beads around a contact.
+        const BEADS: usize = 2 * ALIKE + 2;
+        let (beads, is_ring) = (self.chain.bead_count(), self.chain.is_ring);
+        if is_ring && beads < BEADS {
+            return Err(format!("no theory: a ring of {beads} beads, fewer than {BEADS}, is too short"));
+        }
+        if !is_ring && (c < ALIKE || c + ALIKE >= self.chain.contact_count()) {
             return Err(format!("no theory: contact {c} is within {ALIKE} of an end of the chain"));
         }
-        if (c - ALIKE..=c + ALIKE + 1).contains(&self.striker) {
-            return Err(format!("no theory: contact {c} is within {ALIKE} of the striker"));
+        let around = |count: usize| (0..count).map(move |i| (c + beads + i - ALIKE) % beads);
+        if around(BEADS).any(|bead| self.strikers.contains(&bead)) {
+            return Err(format!("no theory: contact {c} is within {ALIKE} of a striker"));
         }
-        let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
-        let alike = (c - ALIKE..=c + ALIKE).all(|i| {
-            self.chain.stiffness[i] == stiffness
-                && self.chain.mass_kg[i] == mass_kg
-                && self.chain.mass_kg[i + 1] == mass_kg
-        });
-        if !alike {
-            return Err(format!("no theory: beads or contacts within {ALIKE} of contact {c} differ"));
-        }
-        if self.chain.damping.is_some() {
-            return Err("no theory: contacts dissipate".to_owned());
-        }
-        Ok(())
+        let found = self.plain.check(&self.chain, &around(BEADS), &around(BEADS - 1));
+        found.map_err(|what| format!("no theory: {what} within {ALIKE} of contact {c}"))
     }
 
     fn compare(&self, c: usize, shape: &Shape, samples: &[Sample], wave: Wave) -> Result<Comparison, String> {
         let coefficients = wave.coefficients();
-        let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness[c]);
+        let (mass_kg, stiffness) = (self.chain.mass_kg[c], plain::stiffness(&self.chain, c));
         // δ_peak = C_δ·(m·v_max²/k)^(1/(α+1))
         let power = (shape.overlap_m / coefficients.overlap).powf(0.5 * (coefficients.alpha + 1.0));
         let strength = Strength::PeakVelocity { m_s: (stiffness / mass_kg).sqrt() * power };
@@ -285,15 +317,20 @@ fn every_second(samples: &[Sample]) -> Vec<Sample> {
     samples.iter().step_by(2).copied().collect()
 }
 
-/// The speed (beads/s) between the gauges, from the samples that `chosen` leaves of each.
+/// The speed (beads/s) between the gauges, from the samples that `chosen` leaves of each; none if other pulses than the one at
+/// the contact were first there.
 fn speed(followed: &Followed, chosen: fn(&[Sample]) -> Vec<Sample>) -> Option<f64> {
-    let [(first, before), (last, behind)] = followed.gauges.as_ref()?;
+    let [(_, before), (_, behind)] = followed.gauges.as_ref()?;
     let peak_s = |pulse: &FirstPulse| {
         pulse.shape(|_| 0.0).ok()?;
         curve::shape(&chosen(pulse.samples()), |_| 0.0).ok().map(|shape| shape.peak_s)
     };
-    let duration_s = (peak_s(behind)? - peak_s(before)?).abs();
-    (duration_s > 0.0).then(|| (last - first) as f64 / duration_s)
+    let (before_s, here_s, behind_s) = (peak_s(before)?, peak_s(&followed.pulse)?, peak_s(behind)?);
+    let duration_s = (behind_s - before_s).abs();
+    // halves that are so alike have the same sign: the peaks are in order
+    let apart_s = ((here_s - before_s) - (behind_s - here_s)).abs();
+    let is_one = apart_s < HALVES * 0.5 * duration_s;
+    is_one.then(|| (2 * BASELINE) as f64 / duration_s)
 }
 
 #[cfg(test)]
@@ -309,21 +346,30 @@ mod tests {
         RunManifest::new(&config, "run", origin).expect("valid")
     }
 
-    /// Lets an exact wave of 2 m/s, in the direction of `sign`, pass all contacts; none of it is simulated.
-    fn passed(manifest: &RunManifest, contacts: &[u64], sign: f64) -> Vec<Deformation> {
+    /// Lets exact waves of 2 m/s pass all contacts, from these places in these directions; none of it is simulated. The chain
+    /// begins at bead `first`, as a ring may.
+    fn passed(
+        manifest: &RunManifest,
+        contacts: &[u64],
+        waves: &[(f64, f64)],
+        first: usize,
+    ) -> Vec<Deformation> {
         let wave = SolitaryWave::new(manifest.physics.alpha).expect("wave");
         let scale =
             wave.coefficients().scaled(1e-3, 1e7, Strength::PeakVelocity { m_s: 2.0 }).expect("units");
         let mut deformations = Deformations::new(manifest, contacts);
+        let bead = |i: usize| (first + i) % 60;
         for step in 0..4000_u32 {
             let time_s = f64::from(step) * 1e-6;
-            let centre = if sign > 0.0 { 10.0 } else { 50.0 } + sign * scale.speed_beads_per_s * time_s;
-            let contact_xi = |i: usize| i as f64 + 0.5 - centre;
-            // overlaps from the last bead backwards, so that their differences are the wave's
+            // overlaps from the last bead backwards, so that their differences are the waves'
             let (mut u_m, mut v_m_s) = (vec![0.0; 60], vec![0.0; 60]);
             for i in (0..59).rev() {
-                u_m[i] = u_m[i + 1] + scale.overlap_m * wave.overlap(contact_xi(i));
-                v_m_s[i] = sign * scale.velocity_m_s * wave.velocity(contact_xi(i) - 0.5);
+                u_m[bead(i)] = u_m[bead(i + 1)];
+                for (from, sign) in waves {
+                    let xi = i as f64 + 0.5 - (from + sign * scale.speed_beads_per_s * time_s);
+                    u_m[bead(i)] += scale.overlap_m * wave.overlap(xi);
+                    v_m_s[bead(i)] += sign * scale.velocity_m_s * wave.velocity(xi - 0.5);
+                }
             }
             let step = u64::from(step);
             deformations.observe(&Frame {
@@ -343,8 +389,8 @@ mod tests {
     #[test]
     fn a_wave_is_compared_with_itself() {
         let m = manifest(|config| config.chain.beads = 60);
-        for sign in [1.0, -1.0] {
-            let results = passed(&m, &[35], sign);
+        for (from, sign) in [(10.0, 1.0), (50.0, -1.0)] {
+            let results = passed(&m, &[35], &[(from, sign)], 0);
             let deformation = &results[0];
             let (shape, exact) =
                 (deformation.measured.expect("passed"), deformation.exact.as_ref().expect("α"));
@@ -363,6 +409,45 @@ mod tests {
         }
     }
 
+    /// Waves that meet at bead 38.5 come to contacts 30, 35 and 40 after the ways 20.5, 25.5 and, the other one, 26.5: ten
+    /// contacts in the time of six.
+    #[test]
+    fn pulses_from_both_sides_have_no_speed_between_them() {
+        let m = manifest(|config| config.chain.beads = 60);
+        let results = passed(&m, &[35, 25], &[(10.0, 1.0), (67.0, -1.0)], 0);
+        assert!(results[0].measured.is_ok() && results[0].speed_beads_per_s.is_none(), "{results:?}");
+        let scale = results[1].exact.as_ref().expect("α").scale;
+        let speed = results[1].speed_beads_per_s.expect("both gauges before the other wave");
+        assert!((speed / scale.speed_beads_per_s - 1.0).abs() < 1e-6, "{speed}");
+    }
+
+    /// Contact 59 of a ring of 60 joins beads 59 and 0, and contacts 54 and 4 are as far from it as 30 and 40 from 35.
+    #[test]
+    fn the_contact_that_closes_a_ring_is_one_like_others() {
+        let ring = |striker: u64| {
+            manifest(|config| {
+                (config.chain.beads, config.striker.bead) = (60, striker);
+                let periodic = schemas::config::End::Periodic;
+                (config.ends.left, config.ends.right) = (periodic, periodic);
+            })
+        };
+        let chain = manifest(|config| config.chain.beads = 60);
+        let waves = [(10.0, 1.0)];
+        let (in_ring, in_chain) =
+            (passed(&ring(30), &[59, 0], &waves, 24), passed(&chain, &[35, 36], &waves, 0));
+        for (found, expected) in in_ring.iter().zip(&in_chain) {
+            assert_eq!(found.measured, expected.measured);
+            assert_eq!(found.speed_beads_per_s, expected.speed_beads_per_s);
+            let [found, expected] = [found, expected].map(|at| at.exact.as_ref().expect("α"));
+            assert_eq!((found.l2, found.impulse_n_s), (expected.l2, expected.impulse_n_s));
+            assert!(found.l2 < 1e-6);
+        }
+        let near_striker = Deformations::new(&ring(2), &[]);
+        let why = near_striker.check_alike(59).expect_err("beads 56 to 3");
+        assert!(why.contains("striker"), "{why}");
+        assert_eq!(near_striker.check_alike(6), Ok(()));
+    }
+
     #[test]
     fn what_cannot_be_compared_is_said() {
         let impurity = schemas::config::Impurity { bead: 37, mass_kg: 2e-3 };
@@ -370,7 +455,7 @@ mod tests {
             config.chain.beads = 60;
             config.chain.impurities = vec![impurity];
         });
-        let results = passed(&m, &[35, 44], 1.0);
+        let results = passed(&m, &[35, 44], &[(10.0, 1.0)], 0);
         assert!(
             results[0].measured.is_ok() && results[0].exact.as_ref().is_err_and(|why| why.contains("35"))
         );
@@ -388,6 +473,11 @@ mod tests {
             let why = deformations.check_alike(contact).expect_err("not far enough");
             assert!(why.contains(reason), "{contact}: {why}");
         }
+
+        let second = schemas::config::StrikerConfig { bead: 20, velocity_m_s: 1.0 };
+        let m = manifest(|config| config.striker.more = vec![second]);
+        let why = Deformations::new(&m, &[]).check_alike(20).expect_err("struck");
+        assert!(why.contains("striker"), "{why}");
 
         let linear = manifest(|config| config.chain.alpha = 1.0);
         let results = Deformations::new(&linear, &[100]).results();

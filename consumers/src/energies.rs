@@ -5,7 +5,8 @@ mod step_error;
 mod window;
 
 pub use reflection::{
-    ARRIVED, Corrected, MOVED, Moment, Recoil, Reflected, Reflection, STATIONARY, Side, Undefined,
+    ARRIVED, Corrected, EXCHANGED, MOVED, Moment, OPEN, Recoil, Reflected, Reflection, STATIONARY, Side,
+    Undefined,
 };
 pub use step_error::{STEP_SAFETY, step_error_j};
 
@@ -260,7 +261,7 @@ impl Energies {
             split_bead: self.split_bead(),
             beads: self.chain.bead_count() as u64,
             last,
-            reflection: self.watch.as_ref().map(ReflectionWatch::found).map_err(|undefined| *undefined),
+            reflection: self.watch.as_ref().map_err(|undefined| *undefined).and_then(ReflectionWatch::told),
             max_abs_drift: self.max_abs_drift,
             is_driven: self.physics.is_driven(),
             is_ring: self.chain.is_ring,
@@ -321,6 +322,7 @@ fn parts(
         towards_j: moving_j + pressed_j + shared_j,
         end_velocities_m_s: [v[0], v[v.len() - 1]],
         max_abs_drift: 0.0,
+        exchanged_j: row.dissipated_j.abs() + row.driven_j.abs(),
     }
 }
 

@@ -86,11 +86,11 @@ pub fn follow_within<S: FrameSource, A: FrameObserver>(
     mut watch: impl FnMut(&Tally),
 ) -> Result<(), FollowError<S::Error, A::Error>> {
     let manifest = source.manifest().clone();
+    let steps = window.steps(&manifest);
+    let is_outside = |step| step < *steps.start() || window.until_s.is_finite() && step > *steps.end();
     loop {
         let step = match source.receive().map_err(FollowError::Source)? {
-            Received::Frame(frame) if frame.time_s < window.from_s || frame.time_s > window.until_s => {
-                frame.step
-            }
+            Received::Frame(frame) if is_outside(frame.step) => frame.step,
             Received::Frame(frame) => {
                 observer.observe(&frame).map_err(FollowError::Analysis)?;
                 tally.frame_count += 1;

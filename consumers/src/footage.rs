@@ -50,15 +50,22 @@ impl Footage {
     /// `every_step`, from the first step to the last one.
     pub fn new(manifest: &RunManifest, field: Field, extent: Extent, count: u64, every_step: bool) -> Self {
         let (first, last) = extent.steps.clone().into_inner();
-        let frame = |step| if every_step { step } else { manifest.step_of_frame(manifest.frame_at(step)) };
+        // a frame before the part begins is not in it
+        let begins = if every_step || manifest.is_frame(first) {
+            first
+        } else {
+            manifest.step_of_frame(manifest.frame_at(first) + 1)
+        };
+        let frame = |step| {
+            if every_step { step } else { manifest.step_of_frame(manifest.frame_at(step)).max(begins) }
+        };
         let step = |shot: u64| {
             let passed = u128::from(last - first) * u128::from(shot) / u128::from((count - 1).max(1));
-            // a frame before the part begins is not in it
-            frame(first + u64::try_from(passed).unwrap_or(u64::MAX)).max(first)
+            frame(first + u64::try_from(passed).unwrap_or(u64::MAX))
         };
         Self {
             field,
-            due: (0..count.saturating_sub(1)).map(step).chain([frame(last).max(first)]).collect(),
+            due: (0..count.saturating_sub(1)).map(step).chain([frame(last)]).collect(),
             map: Picture::new(extent),
             energies: Series::default(),
             shots: Vec::new(),
@@ -154,7 +161,12 @@ mod tests {
 
     /// Steps of the shots of frames at `steps`, none standing for a gap.
     fn shots(manifest: &RunManifest, count: u64, steps: &[Option<u64>]) -> Vec<u64> {
-        let extent = Extent { places: 0..1000, steps: 0..=manifest.physics.step_count };
+        shots_from(manifest, 0, count, steps)
+    }
+
+    /// The same of the part that begins at step `first`.
+    fn shots_from(manifest: &RunManifest, first: u64, count: u64, steps: &[Option<u64>]) -> Vec<u64> {
+        let extent = Extent { places: 0..1000, steps: first..=manifest.physics.step_count };
         let mut footage = Footage::new(manifest, Field::Velocity, extent, count, false);
         let doubles = vec![0.0; 2000];
         for step in steps {
@@ -190,6 +202,10 @@ mod tests {
         assert_eq!(shots(&run, 11, &whole[7..]), [70, 80, 90, 100]);
         assert_eq!(shots(&run, 6, &[Some(0), Some(20), None, Some(70), Some(80)]), [0, 20, 80]);
         assert!(shots(&run, 6, &[]).is_empty());
+        // a part that begins between two frames begins with the later one
+        assert_eq!(shots_from(&run, 25, 3, &whole[3..]), [30, 60, 100]);
+        assert_eq!(shots_from(&run, 30, 3, &whole[3..]), [30, 60, 100]);
+        assert_eq!(shots_from(&run, 95, 2, &whole[10..]), [100, 100]);
     }
 
     #[test]

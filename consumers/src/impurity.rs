@@ -151,21 +151,25 @@ impl Followed {
     fn sample(&self, frame: &Frame<'_>, bead: usize) -> Sample {
         let contact = |c: usize| (self.chain.overlap_m(frame.u_m, c), frame.v_m_s[c] - frame.v_m_s[c + 1]);
         let [left_m, right_m] = self.chain.wall_approaches_m(frame.u_m, frame.extra);
+        let [left_m_s, right_m_s] = self.chain.wall_approach_rates_m_s(frame.v_m_s, frame.time_s);
         let v_m_s = frame.v_m_s[bead];
         let with_wall = |wall: &Wall, approach_m: f64, rate_m_s: f64| {
             wall.is_there.then(|| (wall.overlap_m(approach_m), rate_m_s))
         };
         let Walls { left, right } = &self.chain.walls;
+        // in a ring the contact that closes it stands in the place of the left wall
         Sample {
             time_s: frame.time_s,
             u_m: frame.u_m[bead],
             v_m_s,
             contacts: [
-                bead.checked_sub(1).map_or_else(|| with_wall(left, left_m, -v_m_s), |c| Some(contact(c))),
+                bead.checked_sub(1).map_or_else(|| with_wall(left, left_m, left_m_s), |c| Some(contact(c))),
                 if bead < self.chain.contact_count() {
                     Some(contact(bead))
+                } else if self.chain.is_ring {
+                    with_wall(left, left_m, left_m_s)
                 } else {
-                    with_wall(right, right_m, v_m_s)
+                    with_wall(right, right_m, right_m_s)
                 },
             ],
             has_moved: v_m_s.abs() > self.rest_m_s,

@@ -79,7 +79,7 @@ impl Direction {
     }
 }
 
-/// Origin of a pulse: the obstacle near the first bead that it passes.
+/// Origin of a pulse: the obstacle near the first bead that it passes, if anything has reached that.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Birth {
     /// It was there when the frames began, or began again after a gap.

@@ -37,7 +37,7 @@ pub use solitary::SolitaryWave;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum WaveError {
     /// No such wave exists, or it is out of reach of the numerical method.
-    #[error("no wave for α = {alpha}: expected α from {smallest} to {largest}")]
+    #[error("no wave for α = {alpha}: expected α {}", allowed(*smallest, *largest))]
     Exponent {
         /// The exponent asked for.
         alpha: f64,
@@ -61,4 +61,8 @@ pub enum WaveError {
         /// Steps done.
         step_count: usize,
     },
+}
+
+fn allowed(smallest: f64, largest: f64) -> String {
+    if largest == f64::MAX { "above 1".to_owned() } else { format!("from {smallest} to {largest}") }
 }

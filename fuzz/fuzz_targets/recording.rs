@@ -107,9 +107,9 @@ fn seek(path: &Path, wanted: &State) {
 
 fn read_contacts(path: &Path) {
     let Ok(mut reader) = ContactsReader::open(path) else { return };
-    let contacts = reader.manifest().contact_count();
+    let contacts = reader.manifest().contact_count()..=reader.manifest().all_contact_count();
     while let Ok(Some(row)) = reader.next_row() {
-        assert_eq!(row.classes.len(), contacts);
+        assert!(contacts.contains(&row.classes.len()));
         assert!(row.classes.iter().all(|class| *class <= 2));
     }
 }

@@ -33,6 +33,9 @@ const FEWEST_EVALUATIONS: u64 = 75;
 /// The longest time between two looks, in the same units; leapfrog is stable up to 4/√α.
 const LONGEST_INTERVAL: f64 = 1.6;
 
+/// The largest part by which damping changes a velocity from look to look.
+const MOST_DAMPED: f64 = 0.5;
+
 /// The relative change of a number by a rounding: one unit in the last place of a number just above a power of two.
 const ROUNDING: f64 = f64::EPSILON;
 
@@ -90,7 +93,7 @@ pub struct Growth {
 
 impl Growth {
     /// Makes one for the run of `physics` from `state` on. None for resonators, baths and dampings that are no dashpots,
-    /// whose motion is not watched, and for steps so long that looking would cost much.
+    /// whose motion is not watched, for damping so strong that a look would not follow it, and for steps so long that looking would cost much.
     pub fn of(physics: &Physics, state: &ChainState) -> Option<Self> {
         let beads = state.u_m.len();
         let dashpot_n_s_per_m = match physics.damping {
@@ -111,6 +114,14 @@ impl Growth {
         let every =
             every.max(FEWEST_EVALUATIONS.div_ceil(u64::from(physics.method.force_evaluations_per_step()))); // integers
         if every as f64 * physics.dt_s > LONGEST_INTERVAL * physics.longest_dt_s() {
+            return None;
+        }
+        // the leapfrog of a look takes damping as it was before, which is stable in short looks alone
+        let per_s = |bead: usize| {
+            let drag = chain.sites.drag_n_s_per_m.get(bead).copied().unwrap_or(0.0);
+            (4.0 * dashpot_n_s_per_m + drag) / chain.mass_kg[bead]
+        };
+        if (0..beads).any(|bead| per_s(bead) * every as f64 * physics.dt_s > MOST_DAMPED) {
             return None;
         }
         let sign = |bead: usize| if hash(bead as u64) & 1 == 0 { ROUNDING } else { -ROUNDING };

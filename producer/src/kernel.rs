@@ -11,8 +11,7 @@ mod layout;
 mod moving;
 mod sweep;
 
-use crate::aligned::with_room;
-use aligned_vec::{AVec, avec};
+use crate::aligned::{Aligned, with_room};
 use constants::{Constants, Contacts, Springs};
 pub(crate) use layout::{Along, Layout, PerLane, lanes, right};
 use layout::{GROUP, narrower};
@@ -99,9 +98,9 @@ pub struct Kernel {
     /// Numbers of a bead: one, or one for each lane of a register, in which chains lie beside each other.
     width: usize,
     ends: Ends,
-    inverse_mass: AVec<f64>,
+    inverse_mass: Aligned,
     /// Force (N) at rest of each contact.
-    rest_n: AVec<f64>,
+    rest_n: Aligned,
     constants: Constants,
     /// The places of the walls (m) at each evaluation of forces in a sweep; the last entry serves for all further
     /// evaluations.
@@ -109,12 +108,12 @@ pub struct Kernel {
     /// The forces (N) of both walls at each evaluation of the last sweep; none of walls that stand still in it.
     wall_forces_n: Vec<[PerLane; 2]>,
     /// Displacements (m) at each evaluation of the last sweep, in rows, of those that it went over; zeros elsewhere. None unless they are kept.
-    places_m: AVec<f64>,
+    places_m: Aligned,
     keeps_places: bool,
     sites: Sites,
     damped: Option<Damped>,
     /// Force (N), beyond the force at rest, of each contact.
-    force: AVec<f64>,
+    force: Aligned,
     /// True for each group in which a contact presses more than at rest.
     presses: Vec<bool>,
     activity: Activity,
@@ -149,7 +148,7 @@ impl Kernel {
         let chain = chains[0];
         let (count, ends) = (chain.bead_count(), [0, usize::from(!chain.is_ring)]);
         let padded = |numbers: &dyn Fn(&Chain, usize) -> f64, of_each: usize| {
-            let mut all = avec![0.0; with_room(count * width) + BLOCK];
+            let mut all = Aligned::zeros(with_room(count * width) + BLOCK);
             for (lane, chain) in chains.iter().enumerate() {
                 for place in 0..of_each {
                     all[place * width + lane] = numbers(chain, place);
@@ -184,7 +183,7 @@ impl Kernel {
             _ => Springs::Cubic,
         };
         let of_springs = |constants: &dyn Fn(&Sites) -> &[f64]| match springs {
-            Springs::None => avec![],
+            Springs::None => Aligned::zeros(0),
             _ => padded(&|chain, bead| constants(&chain.sites).get(bead).copied().unwrap_or(0.0), count),
         };
         let (linear, cubic) =
@@ -210,11 +209,11 @@ impl Kernel {
             constants,
             walls_m: vec![[PerLane::same(0.0); 2]],
             wall_forces_n: Vec::new(),
-            places_m: avec![],
+            places_m: Aligned::zeros(0),
             keeps_places: false,
             sites: chain.sites.clone(),
             damped: Damped::of(chain, contacts),
-            force: avec![0.0; inverse_mass.len()],
+            force: Aligned::zeros(inverse_mass.len()),
             presses: vec![false; with_room(count * width) / GROUP + 1],
             activity: Activity { beads: 0..0 },
             shaken_beads: Activity { beads: 0..0 },
@@ -230,7 +229,7 @@ impl Kernel {
     pub fn restart(&mut self, activity: Activity) {
         self.force.fill(0.0);
         self.presses.fill(false);
-        self.places_m.clear();
+        self.places_m = Aligned::zeros(0);
         let Activity { beads: numbers } = activity;
         let beads = numbers.start / self.width..numbers.end.div_ceil(self.width);
         let activity = Activity { beads: if self.ends.is_ring { 0..self.count } else { beads } };

@@ -118,7 +118,8 @@ pub struct ReplayOutcome<E: std::error::Error + 'static> {
 pub struct Replay<S> {
     source: S,
     manifest: RunManifest,
-    until_s: f64,
+    /// The last step that is published.
+    until: u64,
     first: ChainState,
 }
 
@@ -134,13 +135,14 @@ impl<S: FrameSource> Replay<S> {
         window: Window,
         mut go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Self, BeginError<S::Error>> {
+        let steps = window.steps(&manifest);
         let first = loop {
             match source.receive().map_err(BeginError::Source)? {
                 Received::Frame(frame) => {
-                    if frame.time_s > window.until_s {
+                    if frame.step > *steps.end() {
                         return Err(BeginError::NoFrame(window));
                     }
-                    if frame.time_s >= window.from_s && manifest.is_frame(frame.step) {
+                    if steps.contains(&frame.step) && manifest.is_frame(frame.step) {
                         break ChainState::of_frame(&frame);
                     }
                 }
@@ -153,7 +155,7 @@ impl<S: FrameSource> Replay<S> {
                 return Err(BeginError::Stopped);
             }
         };
-        Ok(Self { source, manifest, until_s: window.until_s, first })
+        Ok(Self { source, manifest, until: *steps.end(), first })
     }
 
     /// The manifest that is published.
@@ -187,7 +189,6 @@ impl<S: FrameSource> Replay<S> {
     ) -> Result<ReplayOutcome<S::Error>, PublishFailed<P::Error>> {
         let manifest = &self.manifest;
         let recorded = self.source.manifest().clone();
-        let time_s_of = |frame| recorded.physics.time_s(recorded.step_of_frame(frame));
         let first_frame = manifest.frame_at(self.first.step);
         let first = self.first.as_frame(manifest, first_frame);
         let mut outcome = ReplayOutcome {
@@ -203,12 +204,12 @@ impl<S: FrameSource> Replay<S> {
         }
         outcome.reason = loop {
             let frame = match self.source.receive() {
-                Ok(Received::Frame(frame)) if frame.time_s > self.until_s => {
+                Ok(Received::Frame(frame)) if frame.step > self.until => {
                     outcome.ended_as_asked = true;
                     break EndReason::Interrupted;
                 }
                 Ok(Received::Frame(frame)) => frame,
-                Ok(Received::Missed { from, .. }) if time_s_of(from) > self.until_s => {
+                Ok(Received::Missed { from, .. }) if recorded.step_of_frame(from) > self.until => {
                     outcome.ended_as_asked = true;
                     break EndReason::Interrupted;
                 }

@@ -285,8 +285,18 @@ impl Sweep {
     /// checked.
     pub fn point(&self, index: u64) -> Result<Point, ConfigError> {
         let settings = self.settings(index)?;
+        let document = self.document(&settings)?;
+        let parameters = self.parameters.iter().map(|parameter| parameter.of(&settings)).collect();
+        match self.resolved(&document) {
+            Ok((config, physics)) => Ok(Point { index, parameters, config, physics }),
+            Err(error) => Err(blame::blame(self, error, &settings, &document, index)),
+        }
+    }
+
+    /// The document of a point with these settings.
+    fn document(&self, settings: &[Setting]) -> Result<Table, ConfigError> {
         let mut document = self.definition.base.clone();
-        for setting in &settings {
+        for setting in settings {
             setting.key.set(&mut document, setting.value.clone()).map_err(|message| ConfigError {
                 path: Some(self.path.clone()),
                 line: Some(setting.line),
@@ -294,11 +304,7 @@ impl Sweep {
                 message,
             })?;
         }
-        let parameters = self.parameters.iter().map(|parameter| parameter.of(&settings)).collect();
-        match self.resolved(&document) {
-            Ok((config, physics)) => Ok(Point { index, parameters, config, physics }),
-            Err(error) => Err(blame::blame(self, error, &settings, &document, index)),
-        }
+        Ok(document)
     }
 
     /// The parameters of point `index`, possible or not.

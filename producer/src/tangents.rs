@@ -240,26 +240,44 @@ impl Tangents {
         rows.into_iter().flat_map(|(masses, factor)| masses.iter().map(move |mass| mass * factor)).collect()
     }
 
-    /// Begins with tangents that are orthogonal to each other, of norm 1 by `weights`: the unit vectors if there is one for each free
-    /// number, which then pair exactly (those of displacements first, those of velocities backwards); else some of no direction in particular.
+    /// Begins with tangents of no direction in particular that are orthogonal to each other, of norm 1 by `weights`. If there is one for each
+    /// free number, they pair exactly, the first with the last: each is the other with velocities in the place of displacements, and turned round.
     pub fn spread(&mut self, weights: &[f64]) {
         let free = self.free();
         let dimension = free.len();
         let (beads, resonators) = (self.masses.inverse_mass.len(), self.masses.inverse_resonator.len());
-        let [u, v, w, w_v] = [0, beads, 2 * beads, 2 * beads + resonators];
-        let places = (u..v).chain(w..w_v).chain((w_v..dimension).rev()).chain((v..w).rev());
-        let order: Vec<usize> = places.filter(|place| free[*place]).collect();
-        for number in 0..self.count {
-            let mut unit = vec![0.0; dimension];
-            if self.count == order.len() {
-                unit[order[number]] = 1.0;
-            } else {
-                for (index, x) in unit.iter_mut().enumerate() {
-                    *x = uniform(0, 0, (number * dimension + index) as u64) - 0.5;
+        let pairs = (0..beads).map(|u| (u, u + beads));
+        let pairs = pairs.chain((2 * beads..2 * beads + resonators).map(|w| (w, w + resonators)));
+        let pairs: Vec<(usize, usize)> = pairs.filter(|(place, _)| free[*place]).collect();
+        let have_pairs = self.count == 2 * pairs.len();
+        let mut all: Vec<Vec<f64>> = Vec::new();
+        for number in 0..if have_pairs { pairs.len() } else { self.count } {
+            // as far in each direction by the norm, whatever the units are
+            let chance = |place: usize| {
+                (uniform(0, 0, (number * dimension + place) as u64) - 0.5) / weights[place].sqrt()
+            };
+            let mut one: Vec<f64> = (0..dimension).map(chance).collect();
+            if have_pairs {
+                one.iter_mut().zip(&free).filter(|(_, free)| !**free).for_each(|(x, _)| *x = 0.0);
+                for _ in 0..2 {
+                    for before in all.iter().flat_map(|other| [other.clone(), turned(other, &pairs, weights)])
+                    {
+                        let part = dot(weights, &before, &one);
+                        one.iter_mut().zip(&before).for_each(|(x, y)| *x -= part * y);
+                    }
+                }
+                let factor = 1.0 / dot(weights, &one, &one).sqrt();
+                for x in &mut one {
+                    *x *= factor;
                 }
             }
-            self.set(number, &unit);
+            all.push(one);
         }
+        if have_pairs {
+            let others: Vec<_> = all.iter().rev().map(|one| turned(one, &pairs, weights)).collect();
+            all.extend(others);
+        }
+        all.iter().enumerate().for_each(|(number, one)| self.set(number, one));
         self.orthonormalise(weights);
     }
 
@@ -420,6 +438,16 @@ impl Tangents {
             in_vectors(self.arch, Together { block, number, stages, masses, is_ring });
         }
     }
+}
+
+/// A tangent in which displacements and velocities, at the places of `pairs`, have changed places: at right angles to it, and as long.
+fn turned(tangent: &[f64], pairs: &[(usize, usize)], weights: &[f64]) -> Vec<f64> {
+    let mut turned = vec![0.0; tangent.len()];
+    for (u, v) in pairs {
+        let ratio = (weights[*v] / weights[*u]).sqrt();
+        (turned[*u], turned[*v]) = (0.0 - ratio * tangent[*v], tangent[*u] / ratio);
+    }
+    turned
 }
 
 /// `Σ weight·a·b`.

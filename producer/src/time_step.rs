@@ -62,7 +62,7 @@ pub fn choose(config: &RunConfig, tolerance: f64, progress: &mut dyn Progress) -
 
 /// Order at which the error falls with the step: that of the method, but at most α + 1, because contacts open, and at
 /// most p + 1 with damping by δ^p.
-pub fn order(physics: &Physics) -> f64 {
+fn order(physics: &Physics) -> f64 {
     let by_contacts = f64::from(physics.method.order()).min(physics.smallest_alpha() + 1.0);
     physics.damping.map_or(by_contacts, |damping| by_contacts.min(damping.exponent(physics.alpha) + 1.0))
 }

@@ -75,6 +75,9 @@ class Heat(Table):
 class Analyses:
     """The analyses of a recording."""
 
+    # units that names of arguments have and those of flags have not
+    _UNITS = "eta|hz|m|n|s"
+
     def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
         raise NotImplementedError
 
@@ -379,8 +382,8 @@ class Analyses:
     ) -> Heat:
         """Heat: current along the chain, temperature of each bead, conductivity between baths, with errors.
 
-        Columns in each frame: ``mean_current_w`` (current, averaged over the contacts that do not lie within a bath),
-        ``kinetic_temperature_j`` (m·v², averaged over the beads).
+        Columns in each frame: ``mean_current_w`` (current, averaged over the contacts that do not lie within a bath,
+        nor beyond two that drive it), ``kinetic_temperature_j`` (m·v², averaged over the beads).
 
         Args:
             lag_s: Longest lag of the conductivity from fluctuations (s); by default a twentieth of the time that is

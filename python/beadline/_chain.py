@@ -107,6 +107,8 @@ class Chain:
         unit = None if alpha is None or not np.isfinite(alpha) else _unit_of_stiffness(alpha)
         chain["bead_mass_kg"], list_kg = _one_or_each("mass_kg", mass_kg)
         chain["stiffness"], each = _one_or_each("stiffness", stiffness, unit)
+        _one_of("mass_kg", list_kg, "masses", masses)
+        _one_of("stiffness", each, "stiffnesses", stiffnesses)
         chain["masses"] = masses if list_kg is None else {"list_kg": list_kg}
         chain["stiffnesses"] = stiffnesses if each is None else {"list": each}
         chain["impurities"] = [
@@ -124,10 +126,13 @@ class Chain:
             "left_stiffness": number_if_any("left_stiffness", left_stiffness, unit),
             "right_stiffness": number_if_any("right_stiffness", right_stiffness, unit),
         }
+        of_ends = _table("ends", ends)
+        for name, given in {"left": left, "right": right, **of_walls}.items():
+            _one_of(name, None if given == "free" else given, f"ends.{name}", of_ends.get(name))
         self._config: Config = {
             "chain": chain,
             "disorder": tables("disorder", disorder),
-            "ends": {"left": left, "right": right, **of_walls, **_table("ends", ends)},
+            "ends": {"left": left, "right": right, **of_walls, **of_ends},
             "on_site": _places_of("on_site", on_site),
             "resonators": _places_of("resonators", resonators),
             "load": {
@@ -150,9 +155,20 @@ class Chain:
         return beads
 
     def __repr__(self) -> str:
-        chain = self._config["chain"]
-        alpha = "" if chain["alpha"] is None else f", α = {chain['alpha']:g}"
-        return f"<Chain of {self.beads} beads{alpha}>"
+        return f"<Chain of {self.beads} beads{exponents_in_words(self._config['chain'])}>"
+
+
+def exponents_of(chain: Config) -> list[float]:
+    """The exponents of the contacts, each once; none if bonds are in their place."""
+    own = chain.get("alphas")
+    found: list[Any] = np.ravel(chain["alpha"] if own is None else list(own.values()) if isinstance(own, Mapping) else own).tolist()
+    return [] if chain.get("bonds") or None in found else sorted(set(found))
+
+
+def exponents_in_words(chain: Config) -> str:
+    """The exponent of the contacts behind what a chain is."""
+    found = exponents_of(chain)
+    return ", several exponents" if len(found) > 1 else f", α = {found[0]:g}" if found else ""
 
 
 def _unit_of_stiffness(alpha: float) -> str | None:
@@ -204,6 +220,12 @@ def _one_or_each(name: str, values: Any, unit: str | None = None) -> tuple[float
         return None, None
     array = numbers(name, values, unit)
     return (float(array), None) if array.ndim == 0 else (float(np.median(array)), array.tolist())
+
+
+def _one_of(name: str, value: Any, other: str, beside: Any) -> None:
+    """Refuses two values for the same."""
+    if value is not None and beside is not None:
+        raise ConfigError(f"{name}: found it beside {other}; expected one of them", key=name)
 
 
 def _per_place(name: str, values: Any) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from . import _html
 from ._fields import FieldArray, FieldName, Index
 from ._files import View
-from ._map import rows_of
+from ._map import multiples, rows_of
 from ._numbers import count
 from ._plot import plot_comparison
 from ._recording import Recording, open
@@ -135,7 +135,7 @@ class Comparison:
             every: Steps between two rows; by default the recorded ones of the first.
         """
         difference = self.difference
-        steps = difference.recorded_steps if every is None else np.asarray(difference.steps[:: count("every", every)])
+        steps = difference.recorded_steps if every is None else np.asarray(multiples(difference.steps, count("every", every)))
         columns: dict[str, Any] = {"step": steps.astype(np.int64), "time_s": steps * difference.dt_s}
         for array, unit in ((difference.displacement, "m"), (difference.velocity, "m_s")):
             rms, largest = np.empty((2, len(steps)))

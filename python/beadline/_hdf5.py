@@ -10,7 +10,7 @@ import numpy as np
 
 from . import __version__
 from ._extras import need
-from ._new import check_free
+from ._new import check_free, check_not_source
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers
@@ -27,8 +27,10 @@ def write(rec: Recording, path: str | os.PathLike[str], steps: range | Numbers, 
     h5py = need("h5py")
     path = os.fspath(path)
     partial = f"{path}.partial"
-    for name in () if force else (path, partial):
-        check_free(name)
+    for name in (path, partial):
+        check_not_source(name, rec.path)
+        if not force:
+            check_free(name)
     # HDF5 locks it: whoever else writes it is an error, and keeps the file
     file = h5py.File(partial, "w")
     try:
@@ -56,10 +58,12 @@ def _describe_run(file: Any, rec: Recording, places: range) -> None:
 
     parameters, physics = file.create_group("parameters"), rec.manifest["physics"]
     parameters["manifest"] = [rec._manifest.json]
-    parameters.attrs.update({name: physics[name] for name in ("alpha", "dt_s", "step_count", "method")})
+    facts = {"alpha": rec.alpha, **{name: physics[name] for name in ("dt_s", "step_count", "method")}}
+    parameters.attrs.update({name: value for name, value in facts.items() if value == value})
     contacts = slice(places.start, places.stop - 1)
-    unit = f"N m-{np.format_float_positional(rec.alpha, trim='-')}"
-    _of_unit(parameters, "stiffness", unit, rec.stiffness[contacts])
+    if "bonds" not in physics:
+        power = np.format_float_positional(rec.alpha, trim="-") if "alpha" in parameters.attrs else "alpha"
+        _of_unit(parameters, "stiffness", f"N m-{power}", rec.stiffness[contacts])
     _of_unit(parameters, "rest_overlap", "m", rec.rest_overlap_m[contacts])
 
 

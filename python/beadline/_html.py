@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ._chain import exponents_in_words
 from ._map import map_of, see_through, shades_of
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def _summary(rec: Recording) -> list[tuple[str, object]]:
     every = f"{rec.record_every:,} steps" if rec.record_every > 1 else "step"
     rows: list[tuple[str, object]] = [
         ("run", rec.name),
-        ("chain", f"{rec.beads:,} beads, α = {physics['alpha']:g}"),
+        ("chain", f"{rec.beads:,} beads{exponents_in_words(physics)}"),
         ("steps", f"{rec.first_step:,} to {rec.last_step:,} of {rec.dt_s:.4g} s"),
         ("time", f"{times_ms[0]:.4g} to {times_ms[1]:.4g} ms"),
         ("states kept", f"{about['states']:,}, one every {every}"),
@@ -137,7 +138,7 @@ def of_run(run: Run) -> str:
     struck = ", ".join(f"bead {one['bead']} at {one['velocity_m_s']:g} m/s" for one in strikers if one["velocity_m_s"])
     rows: list[tuple[str, object]] = [
         ("run", run.name),
-        ("chain", f"{physics['beads']:,} beads, α = {physics['alpha']:g}"),
+        ("chain", f"{physics['beads']:,} beads{exponents_in_words(physics)}"),
         ("strikers", struck or "none"),
         ("steps", f"{run.steps:,} of {run.dt_s:.4g} s, {physics['method']}"),
         ("time", f"{1e3 * run.steps * run.dt_s:.4g} ms, {run.steps * run.dt_s / run.collision_time_s:,.0f} T"),

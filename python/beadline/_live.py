@@ -17,6 +17,7 @@ from . import _native
 from ._chain import number
 from ._native import Frame as Frame
 from ._native import Live as Live
+from .errors import BeadlineError
 
 if TYPE_CHECKING:
     from ._recording import Recording, State
@@ -215,6 +216,11 @@ class Consumer:
     ) -> None:
         self.function = function
         self.columns = [columns] if isinstance(columns, str) else list(columns)
+        taken = {"frame", "step", "time_s"}
+        for column in self.columns:
+            if column in taken:
+                raise ValueError(f"columns: found {column!r}; allowed: other names than frame, step and time_s, and each once")
+            taken.add(column)
         self.name = name or function.__name__.strip("_").replace("_", "-").lower()
         self.__doc__ = function.__doc__
         # where pickle looks for it, which is not where the function would be
@@ -263,7 +269,12 @@ class Consumer:
         return self.function
 
     def _row(self, of: Callable[[Any], Row], frame: Frame | State, width: int | None) -> list[float]:
-        row = np.asarray(of(frame), dtype=np.float64).reshape(-1)
+        try:
+            row = np.asarray(of(frame), dtype=np.float64).reshape(-1)
+        except StopIteration as error:
+            found = f"{self.name} ended before the frames did, at frame {frame.frame}"
+            advice = "a generator yields a row for each frame, to the last one"
+            raise BeadlineError(f"{found}; {advice}", frame=frame.frame, step=frame.step) from error
         wanted = len(self.columns) if len(self.columns) > 1 else width
         if row.size == 0 or (wanted is not None and row.size != wanted):
             found = f"{self.name} gave {row.size} values for frame {frame.frame}"
@@ -352,7 +363,8 @@ class Analysis(Consumer):
     def _begin(self) -> Callable[[Any], Row]:
         made: Any = self.function()
         if hasattr(made, "send"):
-            next(made)
+            # one that ends here says so with the first frame
+            next(made, None)
             made = made.send
         of: Callable[[Any], Row] = getattr(made, "frame", made)
         return of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from ._comparison import Difference
     from ._fields import FieldArray
-    from ._native import Doubles
+    from ._native import Doubles, Numbers
     from ._recording import Recording
 
 Steps = npt.NDArray[np.int64]
@@ -62,14 +63,16 @@ def map_of(
     A row is a recorded state or, where there are fewer than ``fewest`` of them, any; with ``every``
     one of so many steps. A column that stands for several places has the value farthest from 0.
     """
-    first, last = rec.first_step, rec.last_step
+    inside = range(rec.first_step, rec.last_step + 1)
     if during_s is not None:
-        first = max(first, int(np.ceil(during_s[0] / rec.dt_s)))
-        last = min(last, int(np.floor(during_s[1] / rec.dt_s)))
+        # times that people write are those of steps; none is inside of NaN
+        least_s, most_s = during_s[0] * (1 - 1e-12), during_s[1] * (1 + 1e-12)
+        end = bisect_left(inside, True, key=lambda step: not step * rec.dt_s <= most_s)
+        inside = inside[bisect_left(inside, True, key=lambda step: step * rec.dt_s >= least_s) : end]
     recorded: Steps = np.asarray(rec.recorded_steps, np.int64)
-    recorded = recorded[(recorded >= first) & (recorded <= last)]
+    recorded = recorded[(recorded >= inside.start) & (recorded < inside.stop)]
     is_computed = rec.recomputes and (every is not None or len(recorded) < fewest)
-    known = range(first, last + 1, every or 1) if is_computed else recorded
+    known = inside[:: every or 1] if is_computed else recorded
     if not len(known):
         raise ValueError(f"during_s: found {during_s}; expected a time in which there is a state")
     rows = min(rows, len(known))
@@ -93,12 +96,25 @@ def rows_of(rec: Recording | Difference, steps: Steps) -> Steps:
     return np.searchsorted(rec.steps, steps).astype(np.int64)
 
 
+def multiples(steps: range | Numbers, every: int) -> range | Numbers:
+    """The multiples of ``every`` among steps that ascend.
+
+    Raises:
+        ValueError: If there are none.
+    """
+    first, last = int(steps[0]), int(steps[-1])
+    begin = -(-first // every) * every
+    found: range | Numbers = range(begin, last + 1, every) if isinstance(steps, range) else steps[steps % every == 0]
+    if not len(found):
+        raise ValueError(f"every: found {every}; allowed: numbers with a multiple from step {first} to {last}, where there are states")
+    return found
+
+
 def nearest(known: range | Steps, wanted: Doubles) -> Steps:
     """The nearest of ``known``, which ascend, to each number."""
     if isinstance(known, range):
-        return (known.start + ((wanted - known.start) / known.step).round() * known.step).astype(
-            np.int64
-        )
+        at = known.start + ((wanted - known.start) / known.step).round() * known.step
+        return at.astype(np.int64).clip(known[0], known[-1])
     after = np.searchsorted(known, wanted).clip(0, len(known) - 1)
     before = (after - 1).clip(0)
     nearest: Steps = np.where(

@@ -12,24 +12,27 @@ import numpy as np
 
 from .errors import ConfigError
 
-_SYMBOLS = {"n": "N", "j": "J", "hz": "Hz", "pa": "Pa", "k": "K"}
-_ONE = r"(?:kg|hz|pa|rad|beads|[msnjk])[23]?"
+_SYMBOLS = {"n": "N", "j": "J", "w": "W", "hz": "Hz", "pa": "Pa", "k": "K"}
+_ONE = r"(?:kg|hz|pa|rad|beads|[msnjkw])[23]?"
 _ENDS = re.compile(rf"(?:^|.*?[^_]_)((?:{_ONE}_)*(?:{_ONE}|per_(?:{_ONE}|bead)))")
 
 
 def name_and_unit(name: str) -> tuple[str, str | None]:
-    """The name of a key or of a column without its unit, and that: ``gravity`` and ``m/s**2`` of ``gravity_m_s2``. None if it has none."""
+    """The name of a key or of a column without its unit, and that: ``gravity`` and ``m/s**2`` of ``gravity_m_s2``. None if it has none. A place
+    stays: ``impulse@5`` of ``impulse_n_s@5``."""
+    name, at, place = name.partition("@")
     name = name.rpartition(".")[2]
     found = _ENDS.fullmatch(name)
     if found is None or found[1] == name:
-        return name, None
+        return name + at + place, None
     above, _, below = found[1].partition("per_")
     factors = [_symbol(part) for part in above.split("_") if part]
     divisors = [_symbol(below)] if below else []
-    if not below and found[1] != "n_s":
-        # m_s is a velocity, n_s a momentum
-        factors, divisors = factors[:1], factors[1:]
-    return name[: found.start(1) - 1], "/".join(["*".join(factors) or "1", *divisors])
+    if not below:
+        # m_s is a velocity, n_s and kg_m_s are momenta
+        over = 2 if re.fullmatch(r"n_s|kg(\d?)_m\1_s\1", found[1]) else 1
+        factors, divisors = factors[:over], factors[over:]
+    return name[: found.start(1) - 1] + at + place, "/".join(["*".join(factors) or "1", *divisors])
 
 
 def unit_of(name: str) -> str | None:
@@ -82,7 +85,12 @@ def in_si(key: str, value: Any, unit: str | None = None) -> Any:
     if isinstance(value, timedelta) and unit == "s":
         return value.total_seconds()
     if has is None or unit is not None and has in (unit, shown(unit)):
-        return value if has is None else np.asarray(getattr(value, "magnitude", value))
+        return value if has is None else np.asarray(getattr(value, "magnitude", value))[()]
+    in_roots: Any = getattr(value, "to_root_units", None)
+    root = in_roots() if unit == "Hz" and in_roots is not None else None
+    if root is not None and "radian" in str(root.units):
+        # pint takes a radian for 1, and a turn has 2π of them
+        return np.asarray(root.magnitude / (2 * np.pi))[()]
     try:
         convert: Any = getattr(value, "to")  # noqa: B009
         converted = convert("" if unit is None else unit)

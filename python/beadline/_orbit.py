@@ -18,7 +18,7 @@ from ._command import Json, run_command
 from ._numbers import count, in_si
 from ._recording import Recording
 from ._recording import open as open_recording
-from ._run import Run, _toml, initial_of, parts_of
+from ._run import Run, _toml, initial_of, parts_of, rooted
 from ._table import Table, read_csv
 from .errors import CommandError
 
@@ -200,7 +200,7 @@ def orbit(
         config = tomllib.loads(Run(run, strikers={0: 1.0}, duration_s=1.0).to_toml())
         del config["striker"], config["time"]
     else:
-        config = tomllib.loads(run.to_toml())
+        config = rooted(run._folder, "", tomllib.loads(run.to_toml()))
     numbers = {"period_s": period_s, "energy_j": energy_j, "amplitude_m": amplitude_m}
     counts = {"periods": periods, "shift_beads": shift_beads, "steps": steps, "segments": segments}
     asked: dict[str, Any] = {name: float(in_si(name, one)) for name, one in numbers.items() if one is not None}

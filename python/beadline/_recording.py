@@ -9,7 +9,7 @@ import re
 import tempfile
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property, lru_cache
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,9 +19,9 @@ import numpy.typing as npt
 
 from . import _files, _html, _native, _plot
 from ._analyses import Analyses
-from ._chain import number, numbers
+from ._chain import exponents_of, number, numbers
 from ._fields import FIELDS, PARTS, FieldArray, FieldName, Index, check_memory
-from ._map import nearest, rows_of
+from ._map import multiples, nearest, rows_of
 from ._numbers import count
 from ._table import Table, analyse
 from .errors import RecordingError
@@ -43,7 +43,9 @@ def open(path: str | os.PathLike[str]) -> Recording:
         FileNotFoundError: If there is none.
         RecordingError: If it is no recording, is damaged up to its first state, or holds no state.
     """
-    path = os.fspath(path)
+    path = os.fspath(path) if isinstance(path, os.PathLike) else path
+    if not isinstance(path, str):
+        raise TypeError(f"path: found {path!r}; expected a text, such as 'run.mcap', or a path of pathlib")
     if not _is_url(path):
         # absolute, so that it stays the same file in another directory
         path = os.path.abspath(path)
@@ -97,9 +99,8 @@ class State:
 
     @cached_property
     def wall_force_n(self) -> Doubles:
-        """Forces of the contacts with the left and the right wall (N), damping and load included, 0 at a free end; where a wall moves,
-        damping is that of a wall at rest. In a ring the first is that of the contact that closes it."""
-        forces = self._manifest.wall_forces_n(self.displacement_m, self.velocity_m_s, self.extra)
+        """Forces of the contacts with the left and the right wall (N), damping and load included, 0 at a free end. In a ring the first is that of the contact that closes it."""
+        forces = self._manifest.wall_forces_n(self.time_s, self.displacement_m, self.velocity_m_s, self.extra)
         return _read_only(forces)
 
     @cached_property
@@ -247,9 +248,9 @@ class Recording(Analyses):
 
     @property
     def alpha(self) -> float:
-        """Exponent α of the contacts."""
-        alpha: float = self.manifest["physics"]["alpha"]
-        return alpha
+        """Exponent α of the contacts; NaN if they have several, or bonds are in their place."""
+        found = exponents_of(self.manifest["physics"])
+        return found[0] if len(found) == 1 else np.nan
 
     @cached_property
     def mass_kg(self) -> Doubles:
@@ -258,7 +259,7 @@ class Recording(Analyses):
 
     @cached_property
     def stiffness(self) -> Doubles:
-        """Stiffness of each contact (N·m^−α), N − 1 values."""
+        """Stiffness of each contact (N·m^−α), N − 1 values; 0 of bonds."""
         return _read_only(self._manifest.stiffness)
 
     @cached_property
@@ -452,8 +453,8 @@ class Recording(Analyses):
         if not self.first_step <= state.step <= self.last_step or state.velocity_m_s.size != self.beads:
             return False
         own = self[state.step]
-        pairs = zip((own.displacement_m, own.velocity_m_s), (state.displacement_m, state.velocity_m_s), strict=True)
-        return all(a.tobytes() == b.tobytes() for a, b in pairs)
+        both = ((one.displacement_m, one.velocity_m_s, one.extra) for one in (own, state))
+        return all(a.tobytes() == b.tobytes() for a, b in zip(*both, strict=True))
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
         raise TypeError("a recording is many arrays: take one, such as np.asarray(rec.velocity[::100])")
@@ -529,7 +530,8 @@ class Recording(Analyses):
 
         first_s = -np.inf if from_s is None else number(key, from_s)
         last_s = np.inf if until_s is None else number(key, until_s)
-        begin, end = bisect_left(steps, first_s, key=time_s), bisect_right(steps, last_s, key=time_s)
+        # times that people write are those of steps
+        begin, end = bisect_left(steps, first_s * (1 - 1e-12), key=time_s), bisect_right(steps, last_s * (1 + 1e-12), key=time_s)
         if begin >= end or np.isnan([first_s, last_s]).any():
             advice = "; every=1 recomputes the steps between" if every is None else ""
             raise ValueError(f"{key}: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
@@ -555,8 +557,8 @@ class Recording(Analyses):
                 yield State(self._manifest, (self._manifest.frame_at(step), step, step * self.dt_s, *arrays))
 
     def _steps_every(self, every: int | None) -> range | Numbers:
-        """The steps that are kept, or every so many."""
-        return self.recorded_steps if every is None else self.steps[:: count("every", every)]
+        """The steps that are kept, or every so many: the multiples, as the command has them."""
+        return self.recorded_steps if every is None else multiples(self.steps, count("every", every))
 
     def _blocks(self, steps: range | Numbers) -> Iterator[tuple[Numbers, Doubles]]:
         """The states of these steps, some at a time: their steps, and a row of doubles for each."""
@@ -568,7 +570,23 @@ class Recording(Analyses):
 
     def refresh(self) -> Recording:
         """The recording as it is now, if it is still being written."""
-        return self if self.path is None else open(self.path.removesuffix(".partial"))
+        if self.path is None:
+            return self
+        whole = self.path.removesuffix(".partial")
+        with suppress(FileNotFoundError):
+            now = open(self.path)
+            if self.path == whole or now._run_id == self._run_id:
+                return now
+        # it has its name now, unless the file of that name is older than the run
+        now = open(whole)
+        if self.path != whole and now._run_id != self._run_id:
+            raise _of_another_run(whole)
+        return now
+
+    @property
+    def _run_id(self) -> str:
+        found: str = self.manifest["provenance"]["run_id"]
+        return found
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> Recording:
         """Writes a run in memory to the file ``path``, and returns that recording. ``force`` replaces a file that exists.
@@ -603,9 +621,10 @@ class Recording(Analyses):
 
     @contextmanager
     def _file(self) -> Iterator[str]:
-        """A file with this recording, for the command."""
+        """A file with this recording, for the command, which knows nothing of a run that was there before."""
         states = self._states
         if self.path is not None:
+            _check_run(_native.States.open(self.path), self._manifest, self.path)
             yield self.path
             return
         with tempfile.TemporaryDirectory(prefix="beadline-") as directory:
@@ -615,7 +634,7 @@ class Recording(Analyses):
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.path is not None:
-            return open, (self.path,)
+            return _of_file, (self._manifest, self.path)
         return _of_kept, (self._manifest, *self._states.kept())
 
     def __repr__(self) -> str:
@@ -624,6 +643,23 @@ class Recording(Analyses):
         if self.path is not None and not _is_url(self.path):
             place = min(self.path, os.path.relpath(self.path), key=len)
         return f"<Recording of {self.name}: {self.beads} beads, steps {self.first_step} to {self.last_step}, {place}>"
+
+
+def _check_run(states: _native.States, manifest: _native.Manifest, path: str) -> None:
+    """Refuses states of a file that are of another run than ``manifest``, as the reader of single states does."""
+    texts = states.manifest.json, manifest.json
+    if texts[0] != texts[1] and json.loads(texts[0])["physics"] != json.loads(texts[1])["physics"]:
+        raise _of_another_run(path)
+
+
+def _of_another_run(path: str) -> RecordingError:
+    return RecordingError(f"{path} is of another run now: open it again", path=path)
+
+
+def _of_file(manifest: _native.Manifest, path: str) -> Recording:
+    recording = open(path)
+    _check_run(recording._states, manifest, path)
+    return recording
 
 
 def _of_kept(manifest: _native.Manifest, steps: Numbers, doubles: Doubles, end: str) -> Recording:

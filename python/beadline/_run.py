@@ -131,7 +131,8 @@ class Run:
 
     @classmethod
     def from_recording(cls, recording: Recording) -> Run:
-        """The run of a recording, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``.
+        """The run of a recording, to be made again or changed: ``bl.Run.from_recording(rec).replace(…)``. Numbers that it had from other
+        files are those of the recording.
 
         Raises:
             ValueError: If the recording has no configuration.
@@ -139,12 +140,13 @@ class Run:
         if not recording.toml:
             raise ValueError(f"{recording!r} has no configuration: describe the run with bl.Run(…)")
         folder = None if recording.path is None or "://" in recording.path else os.path.dirname(recording.path)
+        # files that its text names may be gone, or others
+        toml = _with_numbers(recording.toml, recording.manifest["physics"])
         run = cls.__new__(cls)
         if recording.recomputes:
-            # files that its text names may be gone
-            run._folder, run._toml, run._manifest = folder or os.getcwd(), recording.toml, recording._manifest
+            run._folder, run._toml, run._manifest = folder or os.getcwd(), toml, recording._manifest
         else:
-            run._set(recording.toml, None, recording.name, folder=folder)
+            run._set(toml, None, recording.name, folder=folder)
         return run
 
     @classmethod
@@ -155,6 +157,8 @@ class Run:
         Raises:
             ConfigError: With the key.
         """
+        if not hasattr(config, "items"):
+            raise TypeError(f"config: found {config!r}; expected nested dictionaries, such as tomllib.loads(text)")
         return cls._of(_toml(config))
 
     def to_toml(self) -> str:
@@ -169,15 +173,19 @@ class Run:
         Raises:
             ConfigError: If the key or the value is impossible.
         """
+        if not hasattr(values, "items"):
+            raise TypeError(f"values: found {values!r}; expected keys and values, such as {{'time.duration_s': 0.01}}")
         config: Config = tomllib.loads(self._toml)
         for key, value in values.items():
             place: Any = config
             try:
                 *parts, last = parts_of(key)
                 for part in parts:
-                    place = place.setdefault(part, {}) if isinstance(place, dict) else place[part]
-                place[last] = value
+                    place = place.setdefault(_name(key, part), {}) if isinstance(place, dict) else place[part]
+                place[_name(key, last) if isinstance(place, dict) else last] = value
             except (IndexError, TypeError, ValueError) as error:
+                if isinstance(error, ConfigError):
+                    raise
                 raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
         return self._of(_toml(config), None, self.name, folder=self._folder)
 
@@ -190,7 +198,12 @@ class Run:
         Raises:
             ConfigError: If the state does not fit this chain.
         """
-        return self.replace({"striker": None, "initial": _initial(state, tomllib.loads(self._toml))})
+        values: Config = {"striker": None, "initial": _initial(state, tomllib.loads(self._toml))}
+        ends = self.manifest["physics"].get("ends", {})
+        if "absorbing" in ends.values():
+            # its default is in units that follow the beginning
+            values["ends.absorbing_drag_n_s_per_m"] = self._manifest.absorbing_drag_n_s_per_m
+        return self.replace(values)
 
     @property
     def name(self) -> str:
@@ -296,7 +309,8 @@ class Run:
         """Simulates the run in memory, without a file.
 
         Args:
-            every: Steps between two states that are kept; the steps between them are recomputed when they are asked for.
+            every: Steps between two states that are kept, or the next multiple of ``publish_every``; the steps between them are recomputed
+                when they are asked for.
             on_frame, on_frame_every, progress, yes: As for :meth:`record`.
 
         Raises:
@@ -406,6 +420,30 @@ def initial_of(state: State) -> Config:
         "resonator_velocities_m_s": state.resonator_velocity_m_s,
     }
     return {name: values.tolist() for name, values in {**lists, **of_resonators}.items() if len(values)}
+
+
+def rooted(folder: str, key: str, value: Any) -> Any:
+    """The value of a key with the whole paths of files that it names, which lie in ``folder``."""
+    if isinstance(value, Mapping):
+        return {name: rooted(folder, name, one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [rooted(folder, key, one) for one in value]
+    is_file = isinstance(value, str) and key.rpartition(".")[2] in ("csv", "recording") and "://" not in value
+    return os.path.join(folder, value) if is_file else value
+
+
+def _with_numbers(toml: str, physics: Config) -> str:
+    """A configuration with the numbers of a manifest in place of the files that they were read from."""
+    config: Config = tomllib.loads(toml)
+    for name in ("drive", "bath"):
+        for one, own in zip(config.get(name, []), physics.get(f"{name}s", []), strict=True):
+            one.update({key: own[key] for key, value in one.items() if isinstance(value, dict) and "csv" in value})
+    if "from" in config.get("initial", {}):
+        if "energy_per_bead_j" in config["initial"]:
+            # the velocities have those of strikers
+            config.pop("striker", None)
+        config["initial"] = physics["initial"]
+    return toml if config == tomllib.loads(toml) else _toml(config)
 
 
 def _initial(initial: Initial, chain: Config) -> Config:
@@ -576,6 +614,14 @@ def parts_of(key: str) -> list[str | int]:
     return [int(name) if name.isdecimal() else name for name in re.findall(r"[^.\[\]]+", key)]
 
 
+def _name(key: str, part: str | int) -> str:
+    """A part of a key where the configuration has a table, which has names."""
+    if isinstance(part, int):
+        what = f"{key}: found the number {part} where there is no list; allowed: the key without it for a single one, or a whole list"
+        raise ConfigError(what, key=key)
+    return part
+
+
 def presets() -> dict[str, str]:
     """The ready-made runs: their names and descriptions."""
     return {name: about for name, about, _ in _native.presets()}
@@ -609,7 +655,7 @@ def _lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def _is_nothing(value: Any) -> bool:
-    return value is None or (isinstance(value, list | tuple | np.ndarray) and len(value) == 0)
+    return value is None or getattr(value, "size", 1) == 0 or (isinstance(value, list | tuple) and len(value) == 0)
 
 
 def _key(key: str) -> str:

@@ -24,7 +24,7 @@ from . import _native
 from ._command import run_command
 from ._numbers import count, in_si
 from ._progress import Progress
-from ._run import Run, _value
+from ._run import Run, _value, rooted
 from ._table import Kind, Table, column, read_csv
 from .errors import CommandError, ConfigError
 
@@ -89,11 +89,17 @@ def sweep(
         ConfigError: If a run is impossible; no run has begun then.
     """
     jobs = None if jobs is None else count("jobs", jobs)
+    is_list = np.iterable(cases) and not isinstance(cases, str | Mapping)
+    each = list(cases) if is_list else []
+    if not is_list or not all(hasattr(case, "items") for case in each):
+        raise TypeError(f"cases: found {cases!r}; expected a list of dictionaries, such as [{{'chain.alpha': 1.5}}]")
+    if executor is not None and not hasattr(executor, "submit"):
+        raise TypeError(f"executor: found {executor!r}; expected an executor as of concurrent.futures, which has a method submit")
     settings: dict[str, Any] = {"until": until, "check": check, "split_bead": split, "measure": list(measure) or None}
-    settings |= {"case": list(cases), "grid": dict(grid or {})}
+    settings |= {"case": each, "grid": dict(grid or {})}
     if isinstance(run, Run):
         text, path = _text(run, settings), _MADE
-    elif (until, check, split) == ("end", False, None) and not cases and not grid and not measure:
+    elif (until, check, split) == ("end", False, None) and not each and not grid and not measure:
         text, path = Path(run).read_text(encoding="utf-8"), os.path.abspath(run)
     else:
         raise ValueError("the sweep file says what to sweep; found values beside it")
@@ -128,7 +134,7 @@ def sweep(
 
 def _text(run: Run, settings: Mapping[str, Any]) -> str:
     """A sweep file."""
-    base = tomllib.loads(run.to_toml())
+    base = rooted(run._folder, "base", tomllib.loads(run.to_toml()))
     base.pop("name", None)
     published = base.pop("stream", {}).get("publish_every_steps", 1)
     if published != 1:
@@ -139,10 +145,10 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
 
     names = ("until", "check", "split_bead", "measure")
     plain = {key: settings[key] for key in names if settings[key] is not None}
-    grid = {key: _listed(key, values) for key, values in settings["grid"].items()}
+    grid = {key: rooted(run._folder, key, _listed(key, values)) for key, values in settings["grid"].items()}
     lines = [*entries({**plain, "base": base}), "[grid]", *entries(grid)]
     for case in settings["case"]:
-        lines += ["[[case]]", *entries(in_si("", case))]
+        lines += ["[[case]]", *entries(rooted(run._folder, "case", in_si("", case)))]
     return "\n".join(lines) + "\n"
 
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from ._command import Json, run_command
 from ._new import check_free
 from ._numbers import count, in_si, shown, unit_of
+from .errors import CommandValueError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -204,13 +205,17 @@ def analyse(rec: Recording, name: str, *tables: str, **options: object) -> list[
             value = range_of(key, value)  # type: ignore[arg-type]
         if key == "transmission":
             value = pairs_of(key, value)
-        flag = re.sub("_(s|m|n|hz)$", "", key).replace("_", "-")
+        flag = re.sub(f"_({rec._UNITS})$", "", key).replace("_", "-")
         keys[flag] = key
         if value is True:
             flags.append(f"--{flag}")
         elif value is not None and value is not False:
             # numbers are written in the shortest form that reads back to their bits
-            flags += [f"--{flag}={one}" for one in np.atleast_1d(np.asarray(in_si(key, value))).tolist()]
+            listed = np.atleast_1d(np.asarray(in_si(key, value))).tolist()
+            if not listed and key not in ("at", "transmission"):
+                # the command would take its default
+                raise CommandValueError(f"{key}: found none; expected one or more", key=key)
+            flags += [f"--{flag}={one}" for one in listed]
     with rec._file() as file, tempfile.TemporaryDirectory(prefix="beadline-") as directory:
         paths = {table: os.path.join(directory, f"{table}.csv") for table in ("out", *tables)}
         outputs = [f"--{table}={path}" for table, path in paths.items()]

@@ -15,7 +15,7 @@ from xarray.core import indexing
 
 from ._fields import FIELDS, FieldArray, check_memory
 from ._map import Steps, rows_of
-from ._new import check_free
+from ._new import check_directory, check_free
 
 if TYPE_CHECKING:
     from ._native import Doubles, Numbers
@@ -45,8 +45,11 @@ def dataset(rec: Recording, steps: range | Numbers, fields: Sequence[str] | None
         "stiffness": ("contact", rec.stiffness[: rec.beads - 1], {"units": "N m^-alpha", "long_name": "stiffness"}),
     }
     physics = rec.manifest["physics"]
-    facts = {name: physics[name] for name in ("beads", "alpha", "dt_s", "step_count", "method")}
-    attributes = {"name": rec.name, **facts, "manifest": rec._manifest.json}
+    if "bonds" in physics:
+        del coordinates["stiffness"]
+    facts = {"alpha": rec.alpha, **{name: physics[name] for name in ("beads", "dt_s", "step_count", "method")}}
+    known = {name: value for name, value in facts.items() if value == value}
+    attributes = {"name": rec.name, **known, "manifest": rec._manifest.json}
     return xr.Dataset(variables, coordinates, attributes).set_xindex("step")
 
 
@@ -87,6 +90,7 @@ def write_zarr(data: xr.Dataset, path: str | os.PathLike[str], force: bool) -> N
     partial = path.with_name(f"{path.name}.partial")
     if not (force and _is_zarr(path)):
         check_free(path)
+    check_directory(path)
     _make_room(partial, force)
     try:
         _write_rows(data.reset_index("step"), partial)

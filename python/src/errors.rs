@@ -51,6 +51,11 @@ impl Why {
         Self { frame: Some(frame), ..self }
     }
 
+    /// The same, and the step and the bead.
+    pub(crate) fn at_bead(self, step: u64, bead: usize) -> Self {
+        Self { step: Some(step), bead: Some(bead), ..self }
+    }
+
     /// The same, and which of several runs is meant.
     pub(crate) fn of_run(self, number: usize) -> Self {
         Self { message: format!("runs[{number}]: {}", self.message), ..self }

@@ -47,19 +47,11 @@ impl Field {
             Self::Displacement => frame.u_m[place],
             Self::Velocity => frame.v_m_s[place],
             Self::Overlap => chain.overlap_m(frame.u_m, place),
-            Self::Force => force_n(chain, frame, place),
+            Self::Force => chain.whole_force_n(frame.state(), frame.time_s, place),
             Self::ResonatorDisplacement => chain.rows.resonators_of(frame.extra)[0][place],
             Self::ResonatorVelocity => chain.rows.resonators_of(frame.extra)[1][place],
         }
     }
-}
-
-/// The force of a contact (N), with damping, also that at rest.
-fn force_n(chain: &Chain, frame: &Frame<'_>, contact: usize) -> f64 {
-    let elastic_n = chain.contact_force_n(frame.u_m, contact);
-    let Some(damping) = &chain.damping else { return elastic_n };
-    let rate_m_s = frame.v_m_s[contact] - frame.v_m_s[contact + 1];
-    chain.damped_n(elastic_n, chain.overlap_m(frame.u_m, contact), rate_m_s, damping.coefficient[contact])
 }
 
 /// Values that are asked for.
@@ -155,25 +147,15 @@ pub(crate) fn parts_of<'py>(
     Ok([w_m, w_m_s, rows.work_of(extra).to_pyarray(py), of_drives(0), of_drives(1), heat_j])
 }
 
-/// Forces (N) of the contacts with the left and the right wall, with damping and those at rest, of `[u_m, v_m_s, extra]`; 0 at a free
-/// end. In a ring the first is that of the contact that closes it.
+/// Forces (N) of the contacts with the left and the right wall, with damping and those at rest, at the time `time_s` in the state
+/// `[u_m, v_m_s, extra]`; 0 at a free end. In a ring the first is that of the contact that closes it.
 pub(crate) fn wall_forces_n<'py>(
     py: Python<'py>,
     chain: &Chain,
+    time_s: f64,
     state: [&PyReadonlyArray1<'_, f64>; 3],
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let [u_m, v_m_s, extra] = slices_of(chain, &state)?;
-    let elastic_n = chain.wall_forces_n(u_m, extra);
-    let (approaches_m, rates_m_s) =
-        (chain.wall_approaches_m(u_m, extra), chain.wall_approach_rates_m_s(v_m_s));
-    let forces_n = [0, 1].map(|side| match &chain.damping {
-        Some(damping) if chain.wall(side).is_there => {
-            let overlap_m = chain.wall(side).overlap_m(approaches_m[side]);
-            chain.damped_n(elastic_n[side], overlap_m, rates_m_s[side], damping.wall_coefficient[side])
-        }
-        _ => elastic_n[side],
-    });
-    Ok(forces_n.to_pyarray(py))
+    Ok(chain.whole_wall_forces_n(slices_of(chain, &state)?, time_s).to_pyarray(py))
 }
 
 /// Kinetic and potential energy (J) of `[u_m, v_m_s, extra]`.

@@ -75,15 +75,16 @@ impl Manifest {
         parts_of(py, &self.chain, self.run.physics.drives.len(), &extra)
     }
 
-    /// Forces (N) of the contacts with the left and the right wall in a state.
+    /// Forces (N) of the contacts with the left and the right wall in a state at a time.
     fn wall_forces_n<'py>(
         &self,
         py: Python<'py>,
+        time_s: f64,
         u_m: PyReadonlyArray1<'_, f64>,
         v_m_s: PyReadonlyArray1<'_, f64>,
         extra: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        wall_forces_n(py, &self.chain, [&u_m, &v_m_s, &extra])
+        wall_forces_n(py, &self.chain, time_s, [&u_m, &v_m_s, &extra])
     }
 
     /// Kinetic and potential energy (J) of a state.
@@ -172,13 +173,18 @@ impl Manifest {
     }
 
     #[getter]
+    fn absorbing_drag_n_s_per_m(&self) -> f64 {
+        self.run.physics.absorbing_drag_n_s_per_m()
+    }
+
+    #[getter]
     fn mass_kg<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.chain.mass_kg.to_pyarray(py)
     }
 
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.chain.stiffness.to_pyarray(py)
+        self.chain.own_stiffness().to_pyarray(py)
     }
 
     #[getter]

@@ -197,7 +197,7 @@ impl<P: Error + 'static, R: Error + Into<Why> + 'static> From<RunError<P, R>> fo
         match error {
             RunError::Record { source, .. } => source.into(),
             RunError::Publish { .. } => Self::of("LiveError", &error),
-            RunError::NonFinite { .. } => Self::of("RunError", &error),
+            RunError::NonFinite { step, bead, .. } => Self::of("RunError", &error).at_bead(step, bead),
         }
     }
 }

@@ -30,6 +30,9 @@ CLASS = '''
 class Analyses:
     """The analyses of a recording."""
 
+    # units that names of arguments have and those of flags have not
+    _UNITS = "{units}"
+
     def _tables(self, analysis: str, *tables: str, **options: object) -> list[Table]:
         raise NotImplementedError
 '''
@@ -173,7 +176,9 @@ def module() -> str:
     found = analyses()
     classes = "".join(of_tables(one) for one in found if class_of(one))
     methods = "".join(map(method, found))
-    return f"{BEGIN}{classes}{CLASS}{methods}"
+    # those of the part that is analysed are s
+    units = {"s"} | {setting["unit"] for one in found for setting in one["settings"] if setting["unit"]}
+    return f"{BEGIN}{classes}{CLASS.replace('{units}', '|'.join(sorted(units)))}{methods}"
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import beadline as bl
 
 BEADS = bl.Chain(20, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+BEADS_AT_REST = (np.zeros(20), np.zeros(20))
 SPRINGS = bl.Chain(9, mass_kg=1e-3, bonds={"linear": 1e4}, left="fixed", right="fixed")
 
 
@@ -42,6 +44,17 @@ def test_a_run_begins_from_a_state_of_another_to_the_bit() -> None:
     assert changed[0].velocity_m_s.tolist() == v_m_s.tolist()
     with pytest.raises(bl.ConfigError, match="displacements_m"):
         run.starting_from(([0.0], [0.0]))
+
+
+@pytest.mark.parametrize(
+    "law", [{"alpha": 1.5, "stiffness": 1e7}, {"alpha": 1.5, "stiffness": 1e7, "precompression_n": 10.0}, {"bonds": {"linear": 1e7}}]
+)
+def test_a_run_that_goes_on_from_a_state_has_the_drag_of_its_ends(law: dict[str, Any]) -> None:
+    chain = bl.Chain(30, mass_kg=1e-3, **law, right="absorbing")
+    run = bl.Run(chain, strikers={0: 5.0}, duration_s=2e-3, dt_s=5e-7)
+    rec = run.simulate()
+    again = run.starting_from(rec[2500]).simulate()
+    assert all(np.array_equal(again[step].velocity_m_s, rec[2500 + step].velocity_m_s) for step in (1, 700, 1500))
 
 
 def test_a_mode_of_springs_swings_with_its_frequency() -> None:
@@ -156,6 +169,56 @@ def test_files_that_a_configuration_names_are_beside_it(tmp_path: Path, monkeypa
     # an impulse of 1 N · 1e-4 s: all of it in the beads; linear pieces, so all but the corners is exact
     state = shorter.simulate()[-1]
     assert state.velocity_m_s.sum() * 1e-3 == pytest.approx(1e-4, rel=1e-3)
+
+
+def test_a_run_of_a_recording_has_its_numbers_whatever_files_say_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write(number: int) -> None:
+        (tmp_path / "push.csv").write_text(f"time_s,value\n0,0\n1e-4,{number}\n3e-4,{number}\n")
+
+    write(1)
+    monkeypatch.chdir(tmp_path)
+    bl.Run(BEADS, strikers={0: 5.0}, duration_s=1e-4, seed=1).record("first.mcap")
+    push = {"csv": "push.csv", "interpolation": "cubic"}
+    drives = [{"bead": 0, "force_n": {"sine": {"amplitude": 0.0, "frequency_hz": 1e3}}}, {"bead": 1, "force_n": push}]
+    baths = [{"beads": 1, "temperature_k": push, "friction_per_s": 1.0}, {"beads": 2, "temperature_j": 1e-9, "friction_per_s": 1.0}]
+    begun: dict[str, Any] = {"from": {"recording": "first.mcap", "step": 20}}
+    runs = [
+        bl.Run(BEADS, strikers={0: 1.0}, drives=drives, baths=baths, initial=begun, seed=1, duration_s=2e-4),
+        bl.Run(BEADS, strikers={0: 1.0}, initial={**begun, "thermal": {"energy_j": 1e-6}}, duration_s=2e-4),
+        bl.Run(BEADS, strikers={0: 1.0}, initial={**begun, "energy_per_bead_j": 1e-3}, seed=3, duration_s=2e-4),
+    ]
+    recordings = [(run, rec) for run in runs for rec in (run.record("run.mcap", force=True), run.simulate())]
+    write(2)
+    (tmp_path / "first.mcap").unlink()
+    monkeypatch.chdir("/")
+    for run, rec in recordings:
+        again = bl.Run.from_recording(rec)
+        changed = again.replace({"provenance.author": "J. Doe"})
+        assert changed.manifest["physics"] == again.manifest["physics"] == run.manifest["physics"]
+        assert bl.Run.from_recording(changed.simulate()).manifest["physics"] == run.manifest["physics"]
+        (sha256,) = bl.sweep(again)["physics_sha256"]
+        assert sha256 == bl.sweep(changed)["physics_sha256"][0]
+    driven = bl.Run.from_recording(recordings[1][1]).starting_from(BEADS_AT_REST).manifest["physics"]["drives"]
+    assert driven == runs[0].manifest["physics"]["drives"] and driven[1]["force_n"]["table"]["values"] == [0.0, 1.0, 1.0]
+    # a text that names none stays as it is
+    plain = bl.Run(BEADS, strikers={0: 1.0}, duration_s=1e-4).simulate()
+    assert bl.Run.from_recording(plain).to_toml() == plain.toml
+
+
+def test_one_of_two_values_for_the_same_is_not_ignored() -> None:
+    law: dict[str, Any] = {"mass_kg": 1e-3, "alpha": 1.5, "stiffness": 1e7}
+    for name, other, values in (
+        ("mass_kg", "masses", {"mass_kg": [1e-3, 2e-3, 3e-3], "masses": {"taper": 0.5}}),
+        ("stiffness", "stiffnesses", {"stiffness": [1e7, 2e7], "stiffnesses": "radii"}),
+        ("left", "ends.left", {"left": "fixed", "ends": {"left": "free"}}),
+        ("right_stiffness", "ends.right_stiffness", {"right": "fixed", "right_stiffness": 1e7, "ends": {"right_stiffness": 2e7}}),
+    ):
+        with pytest.raises(bl.ConfigError, match=f"^{name}: found it beside {other}; expected one of them") as raised:
+            bl.Chain(3, **{**law, **values})
+        assert raised.value.key == name
+    chain = bl.Chain(3, **law, left="fixed", masses={"taper": 0.5}, ends={"right": "fixed", "left_stiffness": 2e7})
+    ends = bl.Run(chain, strikers={0: 1.0}, duration_s=1e-4).manifest["physics"]["ends"]
+    assert (ends["left"], ends["right"], ends["left_stiffness"]) == ("fixed", "fixed", 2e7)
 
 
 def test_baths_give_the_heat_that_a_chain_has() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -169,8 +170,20 @@ def test_a_file_that_became_another_run_is_not_taken_for_this_one(tmp_path: Path
     path = tmp_path / "run.mcap"
     rec = bl.Run(chain, strikers={0: 5.0}, duration_s=1e-4).record(path)
     bl.Run(chain, strikers={0: 3.0}, duration_s=1e-4).record(path, force=True)
-    with pytest.raises(bl.RecordingError, match="another run now: open it again"):
-        rec.velocity[0, 0]
+    uses: list[Callable[[], object]] = [
+        lambda: rec.velocity[0, 0],
+        rec.energies,
+        rec.verify,
+        lambda: rec.export(tmp_path / "run.npz"),
+        lambda: rec.share(tmp_path / "run.html"),
+        lambda: rec.thin(tmp_path / "thin.mcap", 10),
+        lambda: rec.recover(tmp_path / "back.mcap"),
+        lambda: pickle.loads(pickle.dumps(rec)),
+    ]
+    for use in uses:
+        with pytest.raises(bl.RecordingError, match=r"run\.mcap is of another run now: open it again"):
+            use()
+    assert list(tmp_path.iterdir()) == [path]
     assert rec.refresh().velocity[0, 0] == 3.0
 
 

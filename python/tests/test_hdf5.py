@@ -99,6 +99,25 @@ def test_a_file_of_h5md_has_the_states_of_the_recording(
             assert found.shape == expected.shape and found[:].tobytes() == expected.astype(found.dtype).tobytes(), found.name
 
 
+def test_stiffnesses_have_the_unit_of_their_exponents(tmp_path: Path) -> None:
+    import h5py
+
+    law: dict[str, Any] = {"alpha": 1.5, "stiffness": 1e7}
+    for laws, unit, alpha in (
+        ({**law, "alphas": 2.0}, "N m-2", 2.0),
+        ({**law, "alphas": [1.5, 2.0]}, "N m-alpha", None),
+        ({"bonds": {"linear": 1e4}}, None, None),
+    ):
+        rec = bl.Run(bl.Chain(3, mass_kg=1e-3, **laws), strikers={0: 1.0}, duration_s=1e-4).simulate()
+        rec.to_hdf5(tmp_path / "run.h5", force=True)
+        with h5py.File(tmp_path / "run.h5", "r") as file:
+            parameters = file["parameters"]
+            assert parameters.attrs.get("alpha") == alpha and ("stiffness" in parameters) == (unit is not None)
+            assert unit is None or parameters["stiffness"].attrs["unit"] == unit
+        data = rec.to_xarray()
+        assert data.attrs.get("alpha") == alpha and ("stiffness" in data.coords) == (unit is not None)
+
+
 def test_what_cannot_be_stored_is_refused_and_leaves_nothing(rec: bl.Recording, tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with pytest.raises(ValueError, match="no state there; every=1 recomputes"):
@@ -113,6 +132,22 @@ def test_what_cannot_be_stored_is_refused_and_leaves_nothing(rec: bl.Recording, 
     assert path.read_text() == "mine"
     rec.to_hdf5(path, force=True)
     assert path.read_bytes().startswith(b"\x89HDF") and not (tmp_path / "run.h5.partial").exists()
+
+
+def test_the_recording_itself_is_never_replaced(rec: bl.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "stored.mcap"
+    whole = path.read_bytes()
+    (tmp_path / "link.h5").symlink_to(path)
+    monkeypatch.chdir(tmp_path)
+    for name in (str(path), "stored.mcap", "link.h5"):
+        for force in (False, True):
+            with pytest.raises(bl.RecordingError, match=f"{name} is the source itself$"):
+                rec.to_hdf5(name, force=force)
+    # nor is one that is still written, whose name that of a file under way would be
+    path.rename("growing.mcap.partial")
+    with pytest.raises(bl.RecordingError, match="growing.mcap.partial is the source itself$"):
+        bl.open("growing.mcap").to_hdf5("growing.mcap", force=True)
+    assert Path("growing.mcap.partial").read_bytes() == whole
 
 
 def test_an_interrupt_leaves_nothing(rec: bl.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -399,3 +399,11 @@ def test_a_row_of_another_width_names_both(processes: Processes, root: Path) -> 
         wrong.follow(root / "light.mcap")
     wide = bl.consumer(columns=["v_m_s"], name="wide")(lambda frame: frame.velocity_m_s[:3])
     assert list(wide.follow(root / "light.mcap"))[3:] == ["v_m_s_0", "v_m_s_1", "v_m_s_2"]
+
+
+def test_columns_that_a_table_would_lose_are_refused() -> None:
+    for columns in (["time_s"], ["a_m", "a_m"]):
+        with pytest.raises(ValueError, match=f"columns: found '{columns[0]}'; allowed: other names than frame, step and time_s"):
+            bl.consumer(columns=columns)(lambda frame: [1.0] * len(columns))
+    with pytest.raises(ValueError, match="columns: found 'step'; allowed"):
+        bl.analysis(columns={"a_m": "a length", "step": "a number"})(object)

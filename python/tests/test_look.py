@@ -73,7 +73,16 @@ def test_a_map_of_some_milliseconds_has_the_steps_between_recorded_ones(
     assert np.array_equal(drawn.values, np.asarray(rec.velocity[steps, 20:40]))
 
 
+def test_a_map_has_the_steps_at_both_ends_of_a_time(rec: bl.Recording) -> None:
+    for first in range(1, 120):
+        during_s = first * rec.dt_s, (first + 5) * rec.dt_s
+        for times_s in (during_s, tuple(float(f"{time_s:.13g}") for time_s in during_s)):
+            assert len(map_of(rec, rec.velocity, range(60), 600, 2000, during_s=times_s, every=1).values) == 6, first
+
+
 def test_a_time_without_a_state_is_refused(rec: bl.Recording) -> None:
+    with pytest.raises(ValueError, match=r"during_s: found \(nan, 0.001\); expected a time"):
+        rec.plot("velocity", during_s=(float("nan"), 1e-3))
     with pytest.raises(ValueError, match=r"during_s: found \(1, 2\); expected a time"):
         rec.plot("velocity", during_s=(1, 2))
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import beadline as bl
-from beadline._numbers import unit_of
+from beadline._numbers import name_and_unit, unit_of
 
 BEADS: dict[str, Any] = {"mass_kg": 1e-3, "alpha": 1.5, "stiffness": 1e7}
 STEEL = {"material": "steel", "radius_m": 4.76e-3}
@@ -27,6 +27,18 @@ def pint_of() -> Callable[[Any, str], Any]:
 def astropy_of() -> Callable[[Any, str], Any]:
     units = pytest.importorskip("astropy.units")
     return lambda number, unit: number * units.Unit(unit)
+
+
+class Short:
+    """A quantity that has the symbol of its unit, as those of pint with the format ``~``."""
+
+    def __init__(self, magnitude: float, units: str) -> None:
+        self.magnitude, self.units = magnitude, units
+
+    def __mul__(self, factor: float) -> Short:
+        return Short(self.magnitude * factor, self.units)
+
+    __rmul__ = __mul__
 
 
 # each converts by itself: a warning would be one that a unit was dropped
@@ -96,8 +108,34 @@ def test_lists_grids_and_times_may_have_units() -> None:
     assert rec.mass_kg == pytest.approx([1e-3, 2e-3, 3e-3], rel=1e-15)
     assert rec.at(time_s=q(50.0, "us")).step == rec.at(time_s=50e-6).step
     assert len(rec.energies(until_s=q(50.0, "us"))) == len(rec.energies(until_s=50e-6))
+    run = bl.preset("band-gap")
+    key = "drive[0].displacement_m.sine.frequency_hz"
+    for turning in (q(378000.0, "rpm"), q(2 * np.pi * 6300.0, "rad/s"), q(6300.0, "turn/s"), q(6.3, "kHz"), q(6300.0, "1/s")):
+        found = run.replace({key: turning}).manifest["physics"]["drives"][0]["displacement_m"]["sine"]["frequency_hz"]
+        assert found == pytest.approx(6300.0, rel=1e-14), turning
     table = bl.sweep(bl.Run(PLAIN, strikers={0: 5.0}, duration_s=1e-4), {"striker.velocity_m_s": q([100.0, 200.0], "cm/s")})
     assert table["striker.velocity_m_s"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.extras
+@pytest.mark.parametrize("kind", [pint_of, astropy_of])
+def test_quantities_that_are_in_the_unit_already_are_numbers_too(kind: Callable[[], Callable[[Any, str], Any]]) -> None:
+    q = kind()
+    # names of units as pint writes them when it is asked to, and astropy always
+    for metre, second in ((q(4.76e-3, "m"), q(1e-4, "s")), (Short(4.76e-3, "m"), Short(1e-4, "s"))):
+        chain = bl.Chain(5, spheres={"material": "steel", "radius_m": metre}, kuwabara_kono_s=second * 1e-3)
+        plain = bl.Chain(5, spheres=STEEL, kuwabara_kono_s=1e-4 * 1e-3)
+        run, other = (bl.Run(one, strikers={0: 5.0}, duration_s=1e-3) for one in (chain, plain))
+        assert run.manifest["physics"] == other.manifest["physics"]
+        assert run.replace({"time.duration_s": second}).manifest["physics"] == other.replace({"time.duration_s": 1e-4}).manifest["physics"]
+        for grid in ({"time.duration_s": [second]}, {"time.duration_s": {"from": second, "to": 2 * second, "count": 2}}):
+            assert bl.sweep(run, grid)["time.duration_s"][0] == 1e-4
+        assert bl.sweep(run, cases=[{"time.duration_s": second}])["time.duration_s"].tolist() == [1e-4]
+
+
+def test_an_array_of_one_number_is_a_number() -> None:
+    run = bl.Run(PLAIN, strikers={0: 5.0}, duration_s=1e-3).replace({"time.duration_s": np.array(1e-4), "disorder": np.array([])})
+    assert run.manifest["physics"] == bl.Run(PLAIN, strikers={0: 5.0}, duration_s=1e-4).manifest["physics"]
 
 
 def test_times_of_python_and_arrays_of_ours_have_units_too() -> None:
@@ -194,11 +232,26 @@ def test_units_are_those_that_names_end_with() -> None:
         "psd_bead_10_m2_s2_hz": "m**2/s**2/Hz",
         "steepness_per_m": "1/m",
         "speed_beads_per_s": "beads/s",
+        "speed_beads_s": "beads/s",
+        "momentum_kg_m_s": "kg*m/s",
+        "momentum_kg2_m2_s2": "kg**2*m**2/s**2",
+        "mean_current_w": "W",
+        "autocorrelation_w2": "W**2",
+        "temperature_k": "K",
+        "phase_rad": "rad",
+        "deformation.impulse_n_s@5": "N*s",
+        "forces.peak_n@wall:left": "N",
+        "impurity.first@5": None,
         "split_bead": None,
         "first_compressed_contact": None,
         "step": None,
     }.items():
         assert unit_of(name) == unit, name
+
+
+def test_a_place_stays_in_words() -> None:
+    assert name_and_unit("deformation.impulse_n_s@5") == ("impulse@5", "N*s")
+    assert name_and_unit("impurity.first@5") == ("first@5", None)
 
 
 def test_a_long_run_is_told_of_and_one_of_years_is_refused() -> None:

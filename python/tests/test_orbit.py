@@ -64,6 +64,16 @@ def test_a_driven_chain_follows_its_drive(tmp_path: Path) -> None:
         found.map(grid, tmp_path / "shaken")
 
 
+def test_an_orbit_begins_at_a_state_of_a_file_beside_its_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    seed = bl.Run(ring(8), initial=([0.1, -0.1] * 4, [0.0] * 8), duration_s=1.0).record("seed.mcap")
+    run = bl.Run(ring(8), initial={"from": {"recording": "seed.mcap", "step": 0}}, duration_s=1.0)
+    monkeypatch.chdir("/")
+    found = bl.orbit(run, tmp_path / "orbit", amplitude_m=0.1, period_s=3.0)
+    assert found.energy_j == pytest.approx(seed[0].total_j, rel=1e-9)
+    assert found.continue_("orbit.amplitude_m", 0.11, tmp_path / "branch").energy_j > found.energy_j
+
+
 def test_an_orbit_that_is_not_there_says_why(tmp_path: Path) -> None:
     with pytest.raises(bl.CommandError, match="orbit.mode: found nothing"):
         bl.orbit(ring(8), tmp_path / "no", energy_j=1.0)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,33 @@ def test_damped_contacts_have_their_damping_force() -> None:
     rate = state.velocity_m_s[:-1] - state.velocity_m_s[1:]
     expected = np.where(closed, np.maximum(elastic + 2.0 * rate, 0), 0)
     np.testing.assert_allclose(state.force_n, expected, rtol=1e-12)
+
+
+def test_a_recording_has_a_state_with_all_that_belongs_to_it() -> None:
+    chain = bl.Chain(6, mass_kg=1e-3, alpha=1.5, stiffness=1e7, resonators={"mass_kg": 5e-4, "stiffness_n_per_m": 1e5})
+    rest = bl.Run(chain, strikers={0: 1.0}, duration_s=1e-4).simulate()
+    moved = bl.Run(chain, strikers={0: 1.0}, initial={"resonator_displacements_m": [1e-6] * 6}, duration_s=1e-4).simulate()
+    assert moved[0].velocity_m_s.tobytes() == rest[0].velocity_m_s.tobytes()
+    assert rest[0] in rest and moved[0] in moved and moved[0] not in rest
+
+
+def test_a_chain_has_the_exponents_of_its_contacts() -> None:
+    law: dict[str, Any] = {"mass_kg": 1e-3, "alpha": 1.5, "stiffness": 1e7}
+    alphas: list[tuple[dict[str, Any], str, float]] = [
+        (law, ", α = 1.5", 1.5),
+        ({**law, "alphas": 2}, ", α = 2", 2.0),
+        ({**law, "alphas": [2.0, 2.0]}, ", α = 2", 2.0),
+        ({**law, "alphas": {"pattern": [1.5, 2.0]}}, ", several exponents", np.nan),
+        ({"mass_kg": 1e-3, "bonds": {"linear": 1e4}}, "", np.nan),
+    ]
+    for said, words, alpha in alphas:
+        chain = bl.Chain(3, **said)
+        run = bl.Run(chain, strikers={0: 1.0}, duration_s=1e-4)
+        rec = run.simulate()
+        assert repr(chain) == f"<Chain of 3 beads{words}>"
+        assert all(f">3 beads{words}<" in shown._repr_html_() for shown in (run, rec))
+        assert np.array_equal(rec.alpha, alpha, equal_nan=True)
+    assert repr(bl.Chain(3, spheres={"material": "steel", "radius_m": 1e-3})) == "<Chain of 3 beads>"
 
 
 def test_a_state_is_found_by_its_time(sparse: bl.Recording) -> None:
@@ -261,6 +289,8 @@ def test_a_damaged_file_is_an_error_of_ours_or_has_the_right_bits(
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         bl.open(tmp_path / "none.mcap")
+    with pytest.raises(TypeError, match="path: found b'none.mcap'; expected a text"):
+        bl.open(b"none.mcap")  # type: ignore[arg-type]
     path = tmp_path / "text.mcap"
     path.write_text("no recording" * 100)
     with pytest.raises(bl.RecordingError, match="is not an MCAP file"):
@@ -306,6 +336,47 @@ def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
     rec = run.record(path, on_frame=look, on_frame_every=200)
     assert len(seen) == 3 and all(same for _, same in seen)
     assert rec.refresh().last_step == rec.last_step >= seen[-1][0]
+
+
+def test_a_run_that_is_recorded_anew_is_not_taken_for_the_one_before(run: bl.Run, tmp_path: Path) -> None:
+    path, partial = tmp_path / "run.mcap", tmp_path / "run.mcap.partial"
+    chain = bl.Chain(1000, mass_kg=1e-3, alpha=1.5, stiffness=1e7)
+    again = bl.Run(chain, strikers={0: 5.0}, duration_s=0.05, name="again")
+    run.record(path)
+    seen: list[bl.Recording] = []
+
+    def look(state: bl.State) -> bool:
+        with suppress(bl.RecordingError, FileNotFoundError):
+            seen.append(bl.open(partial).refresh())
+            assert len(seen[-1].energies(until_s=0.0)) == 1
+        return len(seen) == 3
+
+    again.record(path, force=True, on_frame=look, on_frame_every=200)
+    growing = seen[0]
+    assert [(rec.name, rec.path) for rec in seen] == 3 * [("again", str(partial))]
+    now = growing.refresh()
+    assert (now.name, now.path) == ("again", str(path)) and now.last_step >= seen[-1].last_step
+    run.record(path, force=True)
+    with pytest.raises(bl.RecordingError, match=r"run\.mcap is of another run now: open it again"):
+        growing.refresh()
+
+
+# the command tells of what a late one does not have
+@pytest.mark.filterwarnings("ignore:1 frame")
+def test_every_takes_the_multiples_that_the_command_takes(run: bl.Run, tmp_path: Path) -> None:
+    make, (manifest, steps, doubles, end) = run.simulate(every=50).__reduce__()
+    # as one that was attached to later
+    late: bl.Recording = make(manifest, steps[1:], doubles[1:], end)
+    late.export(tmp_path / "late.npz", every=120)
+    with np.load(tmp_path / "late.npz") as exported:
+        assert exported["step"].tolist() == [120, 240, 360]
+    assert [state.step for state in late.states(120)] == late.sel(every=120, bead=0)["step"].tolist() == [120, 240, 360]
+    # of single times the nearest that is there
+    ends_s = [step * late.dt_s for step in (50, 61, 179, STEPS)]
+    assert late.sel(time_s=ends_s, every=120, bead=0)["step"].tolist() == [120, 120, 120, 360]
+    assert late.sel(time_s=STEPS * late.dt_s, every=250, bead=0)["step"].tolist() == [250]
+    with pytest.raises(ValueError, match="every: found 1000; allowed: numbers with a multiple from step 50 to 413"):
+        next(late.states(1000))
 
 
 def test_threads_share_a_recording(sparse: bl.Recording, velocities: Any) -> None:

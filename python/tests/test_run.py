@@ -90,6 +90,11 @@ def test_presets_are_those_of_the_command_and_can_be_changed() -> None:
         bl.preset("light")
     with pytest.raises(bl.ConfigError, match="no such key"):
         run.replace({"chain.impurities[7].mass_kg": 1.0})
+    with pytest.raises(bl.ConfigError, match=r"^striker\[0\].velocity_m_s: found the number 0 where there is no list; allowed"):
+        run.replace({"striker[0].velocity_m_s": 1.0})
+    for make in (run.replace, bl.Run.from_config):
+        with pytest.raises(TypeError, match="found 5; expected"):
+            make(5)  # type: ignore[arg-type]
 
 
 def test_a_run_recorded_in_memory_and_step_by_step_has_the_same_bits(tmp_path: Path) -> None:
@@ -189,6 +194,11 @@ def test_runs_side_by_side_have_the_bits_of_each_alone() -> None:
             assert np.array_equal(rec.velocity[1:9], heard.velocity[1:9])
             assert heard.recorded_steps.tolist() == alone.recorded_steps.tolist()
     assert bl.simulate([]) == []
+
+
+def test_a_run_in_memory_keeps_states_that_are_published() -> None:
+    assert short(publish_every=4).simulate(every=3).record_every == 4
+    assert short(publish_every=4).simulate(every=9).record_every == 12
 
 
 def test_a_run_of_several_that_cannot_be_is_named() -> None:

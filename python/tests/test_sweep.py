@@ -112,6 +112,29 @@ def test_frames_are_analysed_as_often_as_the_run_is_published() -> None:
     assert all(often[name].tobytes() == seventh[name].tobytes() for name in seventh)
 
 
+def test_files_that_a_run_names_are_those_of_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = {"beads": 5, "bead_mass_kg": 1e-3, "alpha": 1.5, "stiffness": 1e7}
+    config = {"chain": chain, "drive": [{"bead": 0, "force_n": {"csv": "push.csv"}}], "time": {"duration_s": 2e-4}}
+    for folder, number in (("mine", 1), ("other", 2)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "push.csv").write_text(f"time_s,value\n0,{number}\n1e-3,{number}\n")
+        (tmp_path / folder / "twice.csv").write_text(f"time_s,value\n0,{2 * number}\n1e-3,{2 * number}\n")
+    monkeypatch.chdir(tmp_path / "mine")
+    run = bl.Run.from_config(config)
+    monkeypatch.chdir(tmp_path / "other")
+    expected = [kinetic_j(run), kinetic_j(run.replace({"drive[0].force_n.csv": "twice.csv"}))]
+    grid = {"drive[0].force_n.csv": np.array(["push.csv", "twice.csv"])}
+    cases = [{"drive": [{"bead": 0, "force_n": {"csv": name}}]} for name in ("push.csv", "twice.csv")]
+    for where in ({}, {"out": tmp_path / "out", "force": True}):
+        assert bl.sweep(run, {"integrator.method": ["rkn4"]}, **where)["kinetic_j"] == pytest.approx(expected[:1], rel=1e-12)
+        assert bl.sweep(run, grid, **where)["kinetic_j"] == pytest.approx(expected, rel=1e-12)
+        assert bl.sweep(run, cases=cases, **where)["kinetic_j"] == pytest.approx(expected, rel=1e-12)
+
+
+def kinetic_j(run: bl.Run) -> float:
+    return run.simulate()[-1].kinetic_j
+
+
 def test_recordings_are_in_the_directory(tmp_path: Path) -> None:
     table = bl.sweep(RUN, {"chain.alpha": [1.5, 2.0]}, out=tmp_path, record=True)
     rec = bl.open(tmp_path / "recordings" / "point-000001.mcap")
@@ -131,6 +154,13 @@ def test_a_run_that_cannot_be_is_named_before_any_begins() -> None:
     with pytest.raises(bl.ConfigError, match=r"^chain\.alpha: found 0\.5; allowed") as caught:
         bl.sweep(RUN, {"chain.alpha": [1.5, 0.5]})
     assert (caught.value.key, caught.value.line) == ("chain.alpha", None)
+
+
+def test_what_is_no_list_of_cases_and_no_executor_is_refused() -> None:
+    with pytest.raises(TypeError, match="cases: found {'chain.alpha': 1.5}; expected a list of dictionaries"):
+        bl.sweep(RUN, cases={"chain.alpha": 1.5})  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="executor: found 5; expected an executor"):
+        bl.sweep(RUN, GRID, executor=5)  # type: ignore[arg-type]
 
 
 def test_a_run_that_fails_has_a_row_that_says_why() -> None:
@@ -214,6 +244,21 @@ def test_an_analysis_of_ones_own_is_measured_in_a_sweep() -> None:
     # frames of a recording give what the last frame of a sweep has
     of_file = way.follow(run.replace({"chain.alpha": 1.5}).simulate(every=1), every_step=True)["way_m"][-1]
     assert abs(of_file / table["way-of-0.way_m"][0] - 1) < 1e-2
+
+
+def test_a_generator_that_ends_before_the_frames_says_so() -> None:
+    @bl.analysis(columns={"a_m": "nothing"})
+    def brief():  # type: ignore[no-untyped-def]
+        yield 0.0
+        yield 1.0
+
+    run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
+    said = "^brief ended before the frames did, at frame 1; a generator yields"
+    with pytest.raises(bl.BeadlineError, match=said) as caught:
+        list(map(brief.follow, [run.simulate(every=1)]))
+    assert (caught.value.frame, caught.value.step) == (1, 1)
+    with pytest.raises(bl.BeadlineError, match="^brief ended before the frames did"):
+        bl.sweep(run, {"chain.alpha": [1.5]}, measure=["brief.a_m"])
 
 
 def test_an_analysis_of_ones_own_that_raises_ends_the_sweep() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
+from analyses import analyses, key
 
 import beadline as bl
 from beadline import _files, _table
@@ -183,6 +184,35 @@ def test_a_file_that_is_no_recording_any_more_is_an_error_of_that_file(tmp_path:
     assert caught.value.path == str(path)
 
 
+# a value of each kind that an option takes
+VALUES = {
+    "nothing": True,
+    "number": 0.5,
+    "whole": 1,
+    "PLACE": "bead:3",
+    "PLACE,PLACE": [("bead:3", "bead:4")],
+    "A..B": slice(1, 4),
+    "SAMPLES": 8,
+    "BANDS": "2",
+    "K": "2",
+}
+
+
+def test_every_option_of_every_analysis_reaches_the_command(pressed: bl.Recording, tmp_path: Path) -> None:
+    rec = pressed.save(tmp_path / "pressed.mcap")
+    part: list[tuple[str, object]] = [("from_s", 1e-5), ("until_s", 1e-3), ("every_step", True), ("jobs", 1)]
+    for analysis in analyses():
+        ask = getattr(rec, analysis["name"].replace("-", "_"))
+        options = [(key(one), one["words"][0][0] if one["takes"] == "word" else VALUES[one["takes"]]) for one in analysis["settings"]]
+        needed = {key(one): VALUES[one["takes"]] for one in analysis["settings"] if one["required_unless"] is not None}
+        for name, value in [*options, *(part if analysis["name"] == "energies" else [])]:
+            try:
+                ask(**{**needed, name: value})
+            except bl.CommandError as error:
+                # it may be refused by an analysis, but not as unknown
+                assert "unexpected argument" not in str(error), f"{analysis['name']}({name}={value!r}): {error}"
+
+
 def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> None:
     with pytest.raises(bl.CommandError, match="^split: found 500; the chain has beads 0 to 119$") as caught:
         rec.energies(split=500)
@@ -193,6 +223,7 @@ def test_an_impossible_option_is_an_error_of_the_command(rec: bl.Recording) -> N
         "from_s: found 2; expected a time before until_s 1": lambda: rec.energies(from_s=2, until_s=1),
         "jobs: found 0; expected a number of threads from 1 to 1024": lambda: rec.energies(jobs=0),
         "contact: found none; expected one or more": lambda: rec.deformation([]),
+        "bead: found none; expected one or more": lambda: rec.impurity(bead=[]),
         "at: found bed:9; expected bead:N, contact:N, wall:left or wall:right": lambda: rec.forces("bed:9"),
         "window: found x; expected hann, none": lambda: rec.spectrum("bead:3", window="x"),  # type: ignore[arg-type]
         "transmission: found ['bead:3']; expected pairs": lambda: rec.spectrum(transmission=["bead:3"]),  # type: ignore[list-item]

@@ -250,6 +250,8 @@ def test_an_existing_zarr_is_kept(rec: bl.Recording, tmp_path: Path, monkeypatch
         rec.to_zarr(tmp_path / "own.zarr")
     rec.to_zarr(tmp_path / "own.zarr", fields=["force"], force=True)
     assert not (tmp_path / "own.zarr/velocity").exists() and (tmp_path / "own.zarr/force").exists()
+    with pytest.raises(FileNotFoundError, match="new.zarr: its directory cannot be used"):
+        rec.to_zarr(tmp_path / "none/new.zarr")
     with pytest.raises(ValueError, match="fields: found 'speed'; expected some of displacement, velocity, "):
         rec.to_zarr(tmp_path / "new.zarr", fields=["speed"])
 

@@ -2,13 +2,16 @@
 
 use crate::contact::{ContactLaw, Power, PowerUser, evaluate};
 use crate::damping::ContactDamping;
+use crate::drive::{Drive, Quantity};
 use crate::excess::{AtRest, Excess};
+use crate::functions::Moment;
 use crate::rows::Rows;
 use crate::simd::{ordered_sum, vectorized};
 use crate::sites::Sites;
 use crate::term::Term;
 use pulp::Arch;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Masses, stiffnesses and rest overlaps after all rules of a configuration have been applied.
 ///
@@ -44,8 +47,8 @@ pub struct Chain {
     pub is_bonded: bool,
     /// Layout of the rows of a state's `extra`.
     pub rows: Rows,
-    /// The drives that move the left and the right wall.
-    pub moved_walls: [Option<usize>; 2],
+    /// The drives that move the left and the right wall, with their numbers.
+    pub moved_walls: [Option<(usize, Arc<Drive>)>; 2],
     /// True if a contact between two beads has an overlap at rest; stored, because every frame asks for it.
     is_loaded: bool,
 }
@@ -155,7 +158,7 @@ impl Chain {
             is_ring: false,
             is_bonded: false,
             rows: Rows::default(),
-            moved_walls: [None; 2],
+            moved_walls: [None, None],
             is_loaded,
         }
     }
@@ -174,7 +177,12 @@ impl Chain {
         Self { terms, ..self }
     }
 
-    /// True if a contact between two beads has an overlap at rest.
+    /// True if a contact between two beads is pressed at rest.
+    pub fn is_pressed(&self) -> bool {
+        self.rest_overlap_m.iter().any(|rest_m| *rest_m > 0.0)
+    }
+
+    /// True if a contact between two beads has an overlap or a gap at rest.
     pub fn is_loaded(&self) -> bool {
         self.is_loaded
     }
@@ -190,9 +198,14 @@ impl Chain {
         self.mass_kg.len()
     }
 
-    /// Number of contacts, N − 1.
+    /// Number of contacts of a bead with the next one, N − 1.
     pub fn contact_count(&self) -> usize {
         self.stiffness.len()
+    }
+
+    /// Number of contacts, with the one that closes a ring: N in a ring.
+    pub fn all_contact_count(&self) -> usize {
+        self.contact_count() + usize::from(self.is_ring)
     }
 
     /// Overlap (m) of contact `contact` for the displacements `u_m` (N values, m).
@@ -202,9 +215,29 @@ impl Chain {
 
     /// Force (N) of contact `contact` without damping, that at rest included, at the displacements `u_m` (N values, m).
     pub fn contact_force_n(&self, u_m: &[f64], contact: usize) -> f64 {
-        let overlap_m = self.overlap_m(u_m, contact);
+        self.force_n(contact, self.overlap_m(u_m, contact))
+    }
+
+    /// The same at an overlap (m).
+    pub fn force_n(&self, contact: usize, overlap_m: f64) -> f64 {
         let by_law = self.law.force(self.stiffness[contact], overlap_m);
         self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness[contact], overlap_m))
+    }
+
+    /// True if the forces of `contacts` are one power of the overlap, that of the chain's law, and no springs hold beads.
+    pub fn is_one_power(&self, contacts: std::ops::Range<usize>) -> bool {
+        let none = |term: &Term| term.stiffness[contacts.clone()].iter().all(|k| *k == 0.0);
+        !self.is_bonded && !self.sites.has_springs() && self.terms.iter().all(none)
+    }
+
+    /// Stiffness of each contact (N·m^−α), with its own exponent α where contacts have several.
+    pub fn own_stiffness(&self) -> Vec<f64> {
+        let of_term = |contact: usize| {
+            let powers = self.terms.iter().filter(|term| term.law.exponent().is_some());
+            powers.map(|term| term.stiffness[contact]).find(|k| *k != 0.0)
+        };
+        let own = |(contact, k): (usize, &f64)| if *k == 0.0 { of_term(contact).unwrap_or(0.0) } else { *k };
+        self.stiffness.iter().enumerate().map(own).collect()
     }
 
     /// Forces (N) of the contacts with the left and the right wall, forces at rest included. In a ring the first is the force of
@@ -232,6 +265,32 @@ impl Chain {
         let factor = damping.kind.factor().at(raised, overlap_m);
         let force_n = elastic_n + coefficient * factor * rate_m_s;
         if self.is_bonded || force_n > 0.0 { force_n } else { 0.0 }
+    }
+
+    /// Force (N) of contact `contact`, with its damping and the force at rest, at the time `time_s` in a state `[u_m, v_m_s, extra]`; contact N − 1
+    /// closes a ring.
+    pub fn whole_force_n(&self, state: [&[f64]; 3], time_s: f64, contact: usize) -> f64 {
+        if contact == self.contact_count() {
+            return self.whole_wall_forces_n(state, time_s)[0];
+        }
+        let [u_m, v_m_s, _] = state;
+        let coefficient = self.damping.as_ref().map_or(0.0, |damping| damping.coefficient[contact]);
+        let rate_m_s = v_m_s[contact] - v_m_s[contact + 1];
+        self.damped_n(self.contact_force_n(u_m, contact), self.overlap_m(u_m, contact), rate_m_s, coefficient)
+    }
+
+    /// The same of both walls, 0 at free ends; in a ring the first is that of the contact that closes it.
+    pub fn whole_wall_forces_n(&self, [u_m, v_m_s, extra]: [&[f64]; 3], time_s: f64) -> [f64; 2] {
+        let elastic_n = self.wall_forces_n(u_m, extra);
+        let approaches_m = self.wall_approaches_m(u_m, extra);
+        let rates_m_s = self.wall_approach_rates_m_s(v_m_s, time_s);
+        [0, 1].map(|side| match &self.damping {
+            Some(damping) if self.wall(side).is_there => {
+                let overlap_m = self.wall(side).overlap_m(approaches_m[side]);
+                self.damped_n(elastic_n[side], overlap_m, rates_m_s[side], damping.wall_coefficient[side])
+            }
+            _ => elastic_n[side],
+        })
     }
 
     /// Slope dF/dδ (N/m) of each contact at rest, N − 1 values.
@@ -362,16 +421,27 @@ impl Chain {
         [left_m - u_m[0], u_m[u_m.len() - 1] - right_m]
     }
 
-    /// Speeds (m/s) at which the end beads approach walls that stand still; in a ring the first is that of the last bead to the first.
-    pub fn wall_approach_rates_m_s(&self, v_m_s: &[f64]) -> [f64; 2] {
-        let last_m_s = v_m_s[v_m_s.len() - 1];
-        if self.is_ring { [last_m_s - v_m_s[0], 0.0] } else { [-v_m_s[0], last_m_s] }
+    /// Speeds (m/s) at which the end beads and the walls approach each other at the time `time_s`, when beads have the velocities `v_m_s`
+    /// (m/s); in a ring the first is that of the last bead and the first.
+    pub fn wall_approach_rates_m_s(&self, v_m_s: &[f64], time_s: f64) -> [f64; 2] {
+        let (first_m_s, last_m_s) = (v_m_s[0], v_m_s[v_m_s.len() - 1]);
+        if self.is_ring {
+            return [last_m_s - first_m_s, 0.0];
+        }
+        let at = Moment::new(1, time_s, 0.0);
+        let [left_m_s, right_m_s] = self.moved_walls.each_ref().map(|moved| match moved {
+            Some((_, drive)) if drive.prescribes == Quantity::Displacement => drive.waveform.slope(at),
+            Some((_, drive)) => drive.waveform.value(at),
+            None => 0.0,
+        });
+        [left_m_s - first_m_s, last_m_s - right_m_s]
     }
 
     /// The displacements (m) of the left and of the right wall in a state with this `extra`: 0 if nothing moves them.
     pub fn walls_m(&self, extra: &[f64]) -> [f64; 2] {
         let drives = self.rows.drives_of(extra);
-        self.moved_walls.map(|drive| drive.and_then(|d| drives.get(2 * d + 1)).copied().unwrap_or(0.0))
+        let place_m = |(d, _): &(usize, _)| drives.get(2 * d + 1).copied();
+        self.moved_walls.each_ref().map(|moved| moved.as_ref().and_then(place_m).unwrap_or(0.0))
     }
 
     /// Energy of the springs and resonators of the beads `beads`, in a state with this `extra`.

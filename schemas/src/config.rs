@@ -29,7 +29,7 @@ use crate::amounts::count;
 use crate::bath::Bath;
 use crate::credit::Credit;
 use crate::drive::Drive;
-use crate::json_schema::{self, exponent, not_negative, positive};
+use crate::json_schema::{self, exponent, not_negative, positive, without_default};
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
 use schemars::{JsonSchema, Schema};
@@ -147,6 +147,24 @@ pub struct ChainConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bonds: Option<Bonds>,
 }
+
+impl ChainConfig {
+    /// The mass (kg), the exponent and the stiffness (N·m^−α) that spheres or bonds stand for; NaN where they stand for none.
+    fn scales(&self) -> [f64; 3] {
+        match (&self.spheres, &self.bonds) {
+            (Some(spheres), _) => spheres.scales().unwrap_or([f64::NAN; 3]),
+            (None, Some(bonds)) => [f64::NAN, 1.0, bonds.scale()],
+            (None, None) => [f64::NAN; 3],
+        }
+    }
+}
+
+/// Allowed values of numbers that bonds stand for.
+pub const OWN_STIFFNESSES: &str = "nothing beside chain.bonds, which have stiffnesses of their own";
+
+/// Allowed for seeds that are asked for by a flag or by a sweep.
+pub const DRAWS: &str = "a seed where it has an effect: with [[disorder]], initial.thermal, initial.modes of random phases, or a [[bath]] \
+                         without a seed of its own";
 
 /// A number that a configuration leaves out; [`RunConfig::from_toml`] finds it, or reports that it is missing.
 fn left_out() -> f64 {
@@ -357,8 +375,8 @@ pub struct StreamConfig {
     /// Number of steps from one published frame to the next.
     #[schemars(range(min = 1))]
     pub publish_every_steps: u64,
-    /// Number of steps from one recorded frame to the next; a multiple of `publish_every_steps`.
-    #[schemars(range(min = 1))]
+    /// Number of steps from one recorded frame to the next; a multiple of `publish_every_steps` [default: that].
+    #[schemars(range(min = 1), transform = without_default)]
     pub record_every_steps: u64,
 }
 
@@ -426,11 +444,24 @@ impl RunConfig {
         }
     }
 
+    /// True if the seed has an effect. Ask before the states that it draws are made.
+    pub fn draws(&self) -> bool {
+        let Initial { thermal, modes, .. } = &self.initial;
+        let has_phases = modes.as_ref().is_some_and(|modes| modes.phase == Phase::Random);
+        let has_states = thermal.is_some() || has_phases;
+        has_states || !self.disorder.is_empty() || self.bath.iter().any(|bath| bath.seed.is_none())
+    }
+
     /// Fills in the numbers and the method that `document`, the source of this configuration, leaves open.
     fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
         self.fill_in(document)?;
         if !document.contains_key("integrator") {
             self.integrator.method = self.default_method();
+        }
+        let stream = document.get("stream").and_then(toml::Value::as_table);
+        if stream.is_some_and(|stream| !stream.contains_key("record_every_steps")) {
+            // every frame is recorded
+            self.stream.record_every_steps = self.stream.publish_every_steps;
         }
         Ok(self)
     }
@@ -439,20 +470,17 @@ impl RunConfig {
     fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
         let written = document.get("chain").and_then(toml::Value::as_table);
         let chain = &mut self.chain;
-        let mut usual = [f64::NAN; 3];
-        if let Some(spheres) = &chain.spheres {
-            usual = spheres.scales().unwrap_or(usual);
-        } else if let Some(bonds) = &chain.bonds {
-            if !bonds.hold() {
-                return Err(Bonds::refusal());
-            }
-            let slope = bonds.laws().find(|bond| bond.form.is_slope);
-            usual = [f64::NAN, 1.0, slope.map_or(f64::NAN, |bond| bond.stiffness.largest())];
+        if chain.bonds.as_ref().is_some_and(|bonds| !bonds.hold()) && chain.spheres.is_none() {
+            return Err(Bonds::refusal());
         }
+        let usual = chain.scales();
         let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
         for ((number, usual), key) in numbers.into_iter().zip(usual).zip(keys) {
             let is_written = || written.is_some_and(|chain| chain.contains_key(&key["chain.".len()..]));
+            if chain.bonds.is_some() && usual.is_finite() && *number != usual && is_written() {
+                return Err(ConfigError::number(key, *number, OWN_STIFFNESSES));
+            }
             if number.is_nan() && is_written() {
                 return Err(ConfigError::value(key, "nan", "a number"));
             }
@@ -479,14 +507,13 @@ impl RunConfig {
     pub fn to_toml(&self) -> String {
         let mut config = self.clone();
         let chain = &mut config.chain;
-        if let Some(scales) = chain.spheres.as_ref().and_then(Spheres::scales) {
-            // as it was written: other spheres have others
-            for (number, usual) in
-                [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness].into_iter().zip(scales)
-            {
-                if *number == usual {
-                    *number = left_out();
-                }
+        // as it was written: other spheres and bonds have others
+        let scales = chain.scales();
+        for (number, usual) in
+            [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness].into_iter().zip(scales)
+        {
+            if *number == usual {
+                *number = left_out();
             }
         }
         // every field is a plain table, number or string, which TOML can always express

@@ -34,6 +34,11 @@ impl PartialEq for Frame<'_> {
 }
 
 impl<'a> Frame<'a> {
+    /// The state: displacements (m), velocities (m/s), and what else the method keeps.
+    pub fn state(&self) -> [&'a [f64]; 3] {
+        [self.u_m, self.v_m_s, self.extra]
+    }
+
     /// The frame whose arrays stand one after the other in `doubles`: `[u | v | extra]`.
     pub fn of_doubles((frame, step, time_s): (u64, u64, f64), beads: usize, doubles: &'a [f64]) -> Self {
         let (u_m, rest) = doubles.split_at(beads.min(doubles.len())); // integers
@@ -131,7 +136,7 @@ pub enum Received<'a> {
 pub struct Window {
     /// Begin (s): earlier frames are passed over.
     pub from_s: f64,
-    /// End (s): a frame at this time still belongs to the window.
+    /// End (s): a frame at this time, as steps are told from times ([`Physics`](crate::manifest::Physics)), still belongs to the window.
     pub until_s: f64,
 }
 
@@ -156,7 +161,7 @@ impl Window {
 
     /// True if no step later than `step` lies within, though the run goes on.
     pub fn ends_at(&self, manifest: &RunManifest, step: u64) -> bool {
-        step < manifest.physics.step_count && manifest.physics.time_s(step + 1) > self.until_s
+        step < manifest.physics.step_count && step >= manifest.physics.step_at_or_before(self.until_s)
     }
 }
 

@@ -68,6 +68,11 @@ fn bound(schema: &mut Schema, [least, most]: [f64; 2]) {
     of_numbers.transform(schema);
 }
 
+/// Names no default, where it depends on other keys.
+pub(crate) fn without_default(schema: &mut Schema) {
+    schema.remove("default");
+}
+
 /// Positive numbers, as the checks of the physics take them.
 pub(crate) fn positive(schema: &mut Schema) {
     bound(schema, [1e-100, 1e100]);

@@ -7,7 +7,7 @@ mod physics;
 
 pub use physics::{Limit, Physics, Ranges};
 
-use crate::config::{ConfigError, RunConfig};
+use crate::config::{ConfigError, End, RunConfig};
 use crate::credit::Credit;
 use crate::run_name::RunName;
 use crate::text::{MAX_TEXT_BYTES, shown_within};
@@ -382,9 +382,14 @@ impl RunManifest {
         self.physics.step_count.div_ceil(self.provenance.record_every_steps) + 1
     }
 
-    /// Number of contacts, N − 1.
+    /// Number of contacts of a bead with the next one, N − 1.
     pub fn contact_count(&self) -> usize {
         usize_of(self.physics.beads) - 1
+    }
+
+    /// Number of contacts, with the one that closes a ring: N in a ring.
+    pub fn all_contact_count(&self) -> usize {
+        self.contact_count() + usize::from(self.physics.ends.left == End::Periodic)
     }
 
     /// Doubles in a frame on the bus: `(2 + E)·N`.

@@ -83,8 +83,9 @@ impl AskedAnalysis {
 
 /// The command of an analysis.
 pub(super) fn command_of(offer: &'static Offer) -> Command {
-    let command = Command::new(offer.name).about(offer.about).after_help(offer.help);
-    let mut command = AnalysisArgs::augment_args(command.allow_negative_numbers(true));
+    let command = Command::new(offer.name).after_help(offer.help);
+    // the arguments have a line about them, too
+    let mut command = AnalysisArgs::augment_args(command.allow_negative_numbers(true)).about(offer.about);
     let mut add = |argument: Arg| {
         let known = std::mem::take(&mut command);
         command = known.arg(argument);
@@ -101,7 +102,7 @@ pub(super) fn command_of(offer: &'static Offer) -> Command {
         let help = "Recompute nothing, also where a recording has too few states";
         add(switch("as-recorded", help).conflicts_with_all(["every_step", "fill_gaps", "from_start"]));
     }
-    offer.settings.iter().map(argument).for_each(&mut add);
+    offer.settings.iter().map(|setting| argument(setting, offer.settings)).for_each(&mut add);
     for (i, table) in offer.tables.iter().enumerate() {
         let argument = Arg::new(table.name).long(table.name).help(table.help);
         let argument = argument.value_parser(clap::value_parser!(PathBuf));
@@ -123,14 +124,21 @@ fn switch(name: &'static str, help: &'static str) -> Arg {
     Arg::new(name).long(name).help(help).action(ArgAction::SetTrue)
 }
 
-fn argument(setting: &'static Setting) -> Arg {
+/// The settings that `owner` excludes, or that exclude it: clap does not ask for an argument that another one rules out.
+fn excluded(owner: &'static str, all: &'static [Setting]) -> Vec<&'static str> {
+    let own = all.iter().filter(|setting| setting.name == owner).flat_map(|setting| setting.excludes);
+    let others = all.iter().filter(|setting| setting.excludes.contains(&owner)).map(|setting| &setting.name);
+    own.chain(others).copied().collect()
+}
+
+fn argument(setting: &'static Setting, all: &'static [Setting]) -> Arg {
     let argument = Arg::new(setting.name)
         .long(setting.name)
         .help(setting.help)
         .required(setting.required_unless.is_some_and(<[_]>::is_empty));
     let argument = argument.conflicts_with_all(setting.excludes);
     let argument = match setting.belongs_to {
-        Some(other) => argument.requires(other),
+        Some(owner) => argument.requires(owner).conflicts_with_all(excluded(owner, all)),
         None => argument,
     };
     let action = if setting.is_repeatable { ArgAction::Append } else { ArgAction::Set };

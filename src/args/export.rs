@@ -19,7 +19,7 @@ use std::path::PathBuf;
     beadline export run.mcap --out few.csv --every-steps 100  the steps 0, 100, 200 …, for pandas\n  \
     beadline export run.mcap --out run.parquet                for pandas, Polars, DuckDB\n  \
     beadline export run.mcap --to foxglove --out shown.mcap   for Foxglove, Lichtblick, Rerun\n\n\
-    Exit code 3: the recording was not finished, is damaged or goes on elsewhere; what it holds is exported."
+    Exit code 3: the recording was not finished or is damaged; what it holds is exported."
 )]
 pub(crate) struct ExportArgs {
     /// The recording

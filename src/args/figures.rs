@@ -169,7 +169,7 @@ pub(crate) struct PlotArgs {
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     pub(crate) beads: Option<Beads>,
     /// Scale of the colours of a map [default: linear for displacements, log for the others]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with_all = ["at", "frame"])]
     pub(crate) colours: Option<ColoursArg>,
     /// Ends of the colours of a map, in m/s, m or J, so that several maps can be compared: on both sides of 0 or, as
     /// MIN..MAX, one on each [default: with the values]

@@ -15,7 +15,7 @@ pub(crate) struct FramesArgs {
     /// Attach without ever holding the run back: frames may be missed, and are counted
     #[arg(long)]
     pub(crate) latest: bool,
-    /// Recompute the frames before the first one that arrives, from step 0 on
+    /// Recompute the frames before the first one that arrives, from step 0 on, and all that are missing
     #[arg(long, conflicts_with = "from")]
     pub(crate) from_start: bool,
     /// Recompute frames that were missed

@@ -49,7 +49,7 @@ pub(crate) struct RecordArgs {
     /// Record every K-th step, the first and the last [default: that of the run]
     #[arg(long, value_name = "K", value_parser = parse_whole)]
     pub(crate) record_every_steps: Option<u64>,
-    /// Recompute the frames before the first one that arrives, from step 0 on
+    /// Recompute the frames before the first one that arrives, from step 0 on, and all that are missing
     #[arg(long)]
     pub(crate) from_start: bool,
     /// Never hold the run back: frames may be missed, and are counted

@@ -78,7 +78,7 @@ fn meant(text: &str) -> String {
 #[command(next_help_heading = "As a job array of Slurm")]
 pub(crate) struct SlurmArgs {
     /// Compute nothing; write the script of a job array, DIR/slurm/array.sh
-    #[arg(long, conflicts_with_all = ["shard", "merge", "jobs", "yes", "plan"])]
+    #[arg(long)]
     pub(crate) slurm: bool,
     /// Submit it with sbatch
     #[arg(long, requires = "slurm")]

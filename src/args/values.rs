@@ -19,6 +19,12 @@ pub(super) fn parse_whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "expected a whole number, 0 or more".to_owned())
 }
 
+/// A seed that a configuration can have: TOML has no larger numbers.
+pub(super) fn parse_seed(text: &str) -> Result<u64, String> {
+    let seed = text.parse::<i64>().ok().and_then(|seed| u64::try_from(seed).ok());
+    seed.ok_or_else(|| "expected a whole number from 0 to 9223372036854775807 (2^63 − 1)".to_owned())
+}
+
 /// A whole number that something is divided by.
 pub(super) fn parse_positive(text: &str) -> Result<NonZero<u64>, String> {
     text.parse().map_err(|_| "expected a whole number, 1 or more".to_owned())

@@ -1,7 +1,7 @@
 //! `beadline ANALYSIS`, for every analysis of the list.
 
 use crate::analysis::{AnalysisError, Kept, Outputs, Session, check_flags, check_publishing, draw};
-use crate::args::{AnalysisArgs, AskedAnalysis, keeps_rows};
+use crate::args::{AnalysisArgs, AskedAnalysis, FramesArgs, keeps_rows};
 use crate::configuration::{origin, preset};
 use crate::display::{self, count};
 use crate::failure::{BadInput, Done, Failure};
@@ -53,7 +53,7 @@ pub(crate) fn analyse(asked: &AskedAnalysis) -> Result<Done, Failure> {
     let common = with_enough_steps(asked)?;
     let mut session = Session::open(&common, asked.offer.name, &files)?;
     let manifest = session.manifest().clone();
-    let mut analysis = begin(asked, &manifest, session.steps())?;
+    let mut analysis = begin(asked, &manifest, recorded(asked, session.steps()))?;
     if !analysis.wants_frames() {
         return without_frames(asked, &manifest, analysis);
     }
@@ -73,6 +73,15 @@ pub(crate) fn analyse(asked: &AskedAnalysis) -> Result<Done, Failure> {
     notices.iter().for_each(display::notice);
     let done = session.report(&tally, title, Rows::from(words), results)?;
     Ok(if is_lossy { Done::Lossy } else { done })
+}
+
+/// Those of `steps` that a recording has: one that ended early has not all that its run was to have.
+fn recorded(asked: &AskedAnalysis, steps: RangeInclusive<u64>) -> RangeInclusive<u64> {
+    let Named::File(path) = &asked.common.frames.source else { return steps };
+    match RecordingInfo::read(path).ok().and_then(|info| info.last_step) {
+        Some(last) if steps.contains(&last) => *steps.start()..=last,
+        _ => steps,
+    }
 }
 
 /// Begins the analysis of a run.
@@ -130,6 +139,11 @@ fn without_frames(
     if analysis.wants_frames() {
         return Err(bad_input!(
             "what is asked for is about what happens in a run: name a recording or a live run, not a configuration"
+        ));
+    }
+    if let Some(flag) = of_frames(&asked.common.frames).next() {
+        return Err(bad_input!(
+            "--{flag} chooses frames; what is asked for is about the chain, and reads none"
         ));
     }
     let mut outputs = Outputs::open(asked, &*analysis, manifest, None)?;
@@ -224,6 +238,19 @@ fn kept_rows(asked: &AskedAnalysis) -> Result<Option<ContactsReader>, Failure> {
     ContactsReader::open(path).bad_input().map(Some)
 }
 
+/// The flags that choose frames, as far as they are given.
+fn of_frames(frames: &FramesArgs) -> impl Iterator<Item = &'static str> {
+    let flags = [
+        ("from", frames.from > 0.0),
+        ("until", frames.until.is_some()),
+        ("from-start", frames.from_start),
+        ("fill-gaps", frames.fill_gaps),
+        ("every-step", frames.every_step),
+        ("jobs", frames.jobs.is_some()),
+    ];
+    flags.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag)
+}
+
 /// Draws and counts rows that were kept.
 fn redraw(asked: &AskedAnalysis, mut kept: ContactsReader) -> Result<Done, Failure> {
     let common = &asked.common;
@@ -232,18 +259,9 @@ fn redraw(asked: &AskedAnalysis, mut kept: ContactsReader) -> Result<Done, Failu
     if asked.tables.iter().any(|files| !files.is_empty()) {
         return Err(bad_input!("--out: {what} already; give the recording of the run instead"));
     }
-    let of_states = [
-        ("from", frames.from > 0.0),
-        ("until", frames.until.is_some()),
-        ("from-start", frames.from_start),
-        ("fill-gaps", frames.fill_gaps),
-        ("every-step", frames.every_step),
-        ("jobs", frames.jobs.is_some()),
-    ];
-    let given = of_states.iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| *flag);
     let set =
         asked.offer.settings.iter().map(|setting| setting.name).filter(|name| asked.settings.is_set(name));
-    if let Some(flag) = given.chain(set).next() {
+    if let Some(flag) = of_frames(frames).chain(set).next() {
         return Err(bad_input!("--{flag}: {what}; give the recording of the run instead"));
     }
     check_outputs(common, &[])?;

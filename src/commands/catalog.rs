@@ -42,8 +42,8 @@ const COLUMNS: [Of; 44] = [
     ("results", Word, results),
     ("beads", Integer, |it| Cell::Integer(it.manifest.physics.beads)),
     ("bead_mass_kg", Double, |it| Cell::Double(it.manifest.physics.bead_mass_kg)),
-    ("alpha", Double, |it| Cell::Double(it.manifest.physics.alpha)),
-    ("stiffness", Double, |it| Cell::Double(it.manifest.physics.stiffness)),
+    ("alpha", Double, |it| of_the_law(it, it.manifest.physics.alpha)),
+    ("stiffness", Double, |it| of_the_law(it, it.manifest.physics.stiffness)),
     ("impurities", Integer, |it| Cell::Integer(it.manifest.physics.impurities.len() as u64)),
     ("impurity_bead", Integer, |it| {
         if_any(it.manifest.physics.impurities.first(), |first| Cell::Integer(first.bead))
@@ -191,6 +191,11 @@ fn flag(is_so: bool) -> Cell {
 
 fn if_any<T>(value: Option<T>, cell: impl FnOnce(T) -> Cell) -> Cell {
     value.map_or(Cell::Empty, cell)
+}
+
+/// A number of the power law, which a chain of bonds does not have.
+fn of_the_law(it: &RecordingInfo, number: f64) -> Cell {
+    if it.manifest.physics.bonds.is_some() { Cell::Empty } else { Cell::Double(number) }
 }
 
 /// As the manifest has it: a word as it is, anything else as JSON.

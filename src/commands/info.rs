@@ -104,7 +104,9 @@ pub(crate) fn of_physics(physics: &Physics) -> Rows {
             None => rows.add("masses", "not computed for a glance at so long a chain"),
         }
     }
-    let impurities = physics.impurities.iter().map(|i| format!("bead {} of {} kg", i.bead, i.mass_kg));
+    let before = if physics.disorder.is_empty() { "" } else { " before disorder" };
+    let impurities =
+        physics.impurities.iter().map(|i| format!("bead {} of {} kg{before}", i.bead, i.mass_kg));
     rows.add("impurities", some_of(impurities));
     let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
     let strikers = strikers

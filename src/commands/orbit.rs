@@ -77,7 +77,9 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
 /// An orbit that is not found: the input, or that there is none.
 fn failure(why: NoOrbit) -> Failure {
     match why {
-        NoOrbit::Chain(_) | NoOrbit::Config(_) => Failure::BadInput(why.into()),
+        NoOrbit::Chain(_) | NoOrbit::Config(_) | NoOrbit::Map(MapError::NoTangent(_)) => {
+            Failure::BadInput(why.into())
+        }
         NoOrbit::Map(_) | NoOrbit::Stuck { .. } | NoOrbit::NotUnique { .. } | NoOrbit::Branch(_) => {
             Failure::Stopped(why.into())
         }
@@ -218,7 +220,7 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
     let place = shown::place(orbit).map_or(String::new(), |place| format!(", {place}"));
     rows.add("frequency", format_args!("{}{place}", quantity(1.0 / orbit.period_s(), "Hz")));
     rows.add("energy", quantity(orbit.energy_j, "J"));
-    rows.add("largest displacement", quantity(orbit.amplitude_m(), "m"));
+    rows.add("largest displacement", format_args!("{} at its beginning", quantity(orbit.amplitude_m(), "m")));
     let asked = orbit.surpassed().map(|(bead, size_m)| format!("{}, of bead {bead}", quantity(size_m, "m")));
     rows.each("asked for", asked);
     rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
@@ -240,12 +242,18 @@ fn add_rows(rows: &mut Rows, orbit: &Orbit) {
                 number(one.re),
                 if one.im < 0.0 { '−' } else { '+' },
                 number(one.im.abs()),
-                number(one.size())
+                beside_one(one.size())
             )
         }),
     );
     rows.more("multiplier", unstable.len() as u64, SHOWN, "");
     rows.each("multipliers found", limit(orbit));
+}
+
+/// A size in digits that tell it from 1.
+fn beside_one(size: f64) -> String {
+    let above = size - 1.0;
+    if above > 0.0 && above < 1e-3 { format!("1 + {above:.2e}") } else { number(size) }
 }
 
 /// An orbit as JSON.
@@ -540,7 +548,7 @@ impl<'a> Branch<'a> {
         match end {
             End::Reached | End::Closed => {}
             End::CameBack => notice!("{name} turns and comes back to the first value of the key"),
-            End::Most => notice!("{name} goes on at {at}; continue.most allows more orbits"),
+            End::Most => notice!("{name} was followed up to {at}; continue.most allows more orbits"),
             End::Lost(why) => notice!("{name} ends at {at}: {why}"),
             End::Stopped => notice!("stopped: the orbits found are kept, the same command goes on"),
         }

@@ -192,7 +192,7 @@ fn profile(args: &PlotArgs, field: Field, moment: Moment, out: &PathBuf) -> Resu
     plots::profile(&manifest, &frame, field, &places).write(out, args.look.options(), args.frames.force)?;
     let chain = manifest.physics.chain();
     let values = field.values(&chain, &frame).skip(places.start).take(places.len());
-    let extremes = extremes(values);
+    let extremes = values.fold(None, |found, value| Some(widened(found, value))).unwrap_or_default();
     let mut rows = Rows::default();
     let (time, number, step) = (display::quantity(frame.time_s, "s"), count(frame.frame), count(frame.step));
     rows.add("time", format_args!("{time} (frame {number}, step {step})"));
@@ -230,7 +230,8 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
     let mut session = Session::of_part(frames, "plot", std::slice::from_ref(out), part)?;
     let manifest = session.manifest().clone();
     let extent = Extent { places: places(args.beads, field, &manifest)?, steps: session.steps() };
-    let mut map = Map { field, chain: manifest.physics.chain(), picture: Picture::new(extent) };
+    let (chain, places, picture) = (manifest.physics.chain(), extent.places.clone(), Picture::new(extent));
+    let mut map = Map { field, chain, places, picture, values: Vec::new(), extremes: None };
     let tally = session.follow(&mut map)?;
     let steps = steps_of(args.colours);
     let range = args.range.map(|range| [range.from, range.to]);
@@ -239,13 +240,13 @@ fn space_time(args: &PlotArgs, field: Field, out: &PathBuf) -> Result<Done, Fail
         args.look.options(),
         args.frames.force,
     )?;
-    let extremes = extremes(map.picture.cells().flatten().map(f64::from));
     let mut rows = Rows::default();
-    rows.add("values", display::range(extremes, field.unit()));
+    let name = if field == Field::Overlap { "values beyond rest" } else { "values" };
+    rows.each(name, map.extremes.map(|extremes| display::range(extremes, field.unit())));
     let results = json!({
         "what": field.as_str(),
-        "least": extremes[0],
-        "largest": extremes[1],
+        "least": map.extremes.map(|[least, _]| least),
+        "largest": map.extremes.map(|[_, largest]| largest),
         "unit": field.unit(),
     });
     session.report(&tally, field.as_str(), rows, results)
@@ -264,14 +265,23 @@ pub(super) fn steps_of(asked: Option<ColoursArg>) -> ColourSteps {
 struct Map {
     field: Field,
     chain: Chain,
+    places: Range<usize>,
     picture: Picture<f32>,
+    /// Those of a frame.
+    values: Vec<f64>,
+    /// The least and the largest value so far, of which the picture has the farthest from 0 alone.
+    extremes: Option<[f64; 2]>,
 }
 
 impl FrameObserver for Map {
     type Error = AnalysisError;
 
     fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
-        self.picture.push(frame.step, singles(self.field.deviations(&self.chain, frame)));
+        self.values.clear();
+        self.values.extend(self.field.deviations(&self.chain, frame));
+        let shown = &self.values[self.places.clone()];
+        self.extremes = shown.iter().fold(self.extremes, |found, value| Some(widened(found, *value)));
+        self.picture.push(frame.step, singles(self.values.iter().copied()));
         Ok(())
     }
 
@@ -280,13 +290,8 @@ impl FrameObserver for Map {
     }
 }
 
-/// The least and the largest value; 0 if there is none.
-fn extremes(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let widened = |found: Option<[f64; 2]>, value: f64| match found {
-        None => Some([value; 2]),
-        Some([low, high]) => {
-            Some([if value < low { value } else { low }, if value > high { value } else { high }])
-        }
-    };
-    values.fold(None, widened).unwrap_or_default()
+/// The least and the largest value so far, with another one.
+fn widened(found: Option<[f64; 2]>, value: f64) -> [f64; 2] {
+    let [low, high] = found.unwrap_or([value; 2]);
+    [if value < low { value } else { low }, if value > high { value } else { high }]
 }

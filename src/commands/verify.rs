@@ -10,10 +10,11 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::progress::Progress;
 use crate::report::Rows;
+use crate::resumption::hindrance;
 use crate::signals;
 use lists::Lists;
 use producer::verification::{Follows, Verification, follows, follows_the_run, verify as verify_states};
-use recording::{Audit, Damage, DamageKind};
+use recording::{Audit, Damage, DamageKind, RecordingInfo};
 use rows::RowsChecked;
 use run_toml::RunToml;
 use schemas::frame::EndReason;
@@ -219,10 +220,17 @@ impl Verified {
             return Vec::new();
         }
         let recover = format!("beadline recover {path} --out WHOLE.mcap");
-        if found.damage_count == 0 && found.end == EndReason::Unfinished {
-            return vec![format!("beadline run --resume {path}, which goes on with the run; or"), recover];
+        let resume = format!("beadline run --resume {path}, which goes on with the run");
+        let can_go_on = found.damage_count == 0
+            && found.end != EndReason::Failed
+            && RecordingInfo::read(&self.path).is_ok_and(|info| hindrance(&info).is_none());
+        match found.end {
+            EndReason::Unfinished if can_go_on => vec![format!("{resume}; or"), recover],
+            _ if can_go_on => vec![resume],
+            // nothing would be left
+            _ if found.state_count == 0 => Vec::new(),
+            _ => vec![recover],
         }
-        vec![recover]
     }
 
     /// Steps between the first and the last state.

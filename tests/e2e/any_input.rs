@@ -224,6 +224,11 @@ fn two_exact_solitary_waves_are_started_by_speed_or_amplitude() {
             "170\nvelocity_m_s = 1.0\nspeed_beads_s = 2.0",
             "initial.solitary[1]: found speed_beads_s and velocity_m_s",
         ),
+        (
+            "199\nvelocity_m_s = 1.0",
+            "initial.solitary[1].bead: found 199, 0.5 beads from the end of the chain",
+        ),
+        ("300\nvelocity_m_s = 1.0", "initial.solitary[1].bead: found 300; allowed: 0 to 199"),
         ("170\nvelocity_m_s = 0.0", "initial.solitary[1].velocity_m_s: found 0; "),
         (
             "170\nvelocty_m_s = 1.0",

@@ -88,6 +88,58 @@ fn tables_states_and_waves_are_those_beside_the_sweep_file() {
     place.run("sweep sub/s.toml --out from --force").exits(2).says(&["s.toml:", "initial.from", "gone.mcap"]);
 }
 
+/// A base file in another directory names what lies beside itself, as it does for `run`.
+#[test]
+fn what_a_base_file_names_lies_beside_it() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("sub")).unwrap();
+    place.write("sub/push.csv", "time_s,value\n0.0,0.0\n5e-4,3.0\n2e-3,0.0\n");
+    place.write("push.csv", "time_s,value\n0.0,0.0\n5e-4,300.0\n2e-3,0.0\n");
+    let chain = CHAIN.replace("base.", "");
+    let base = format!(
+        "{chain}[[drive]]\nbead = 0\nforce_n = {{ csv = \"push.csv\" }}\n[time]\nduration_s = 1e-3\n"
+    );
+    place.write("sub/base.toml", &base);
+    let found = rows(&place, "[base]\nfile = \"sub/base.toml\"\n[grid]\n\"chain.alpha\" = [1.5]\n");
+    place.run("run sub/base.toml --out r.mcap --no-publish").exits(0);
+    place.run("energies r.mcap --out e.csv").exits(0);
+    let csv = place.read("e.csv");
+    let at = csv.lines().next().unwrap().split(',').position(|name| name == "total_j").unwrap();
+    let last: f64 = csv.lines().last().unwrap().split(',').nth(at).unwrap().parse().unwrap();
+    assert_eq!(column(&found, "total_j")[0].parse(), Ok(last));
+}
+
+/// Columns over time are those of the split bead that the row has, and what a frame has several of is refused. A point that ends before
+/// `measure_from_s` has no numbers, not those of nothing.
+#[test]
+fn columns_are_of_the_bead_and_the_times_that_are_asked_for() {
+    let place = Place::new();
+    let sweep = format!(
+        "split_bead = 3\nmeasure = [\"forces.peak_count@20\", \"contacts.open_count\"]\nmeasure_from_s = 9e-4\n\
+         until = \"stationary\"\nseries = {{ measure = [\"energies.left_j\", \"contacts.open_count\"], count = 1000 }}\n\
+         {CHAIN}impurities = [{{ bead = 20, mass_kg = 2e-3 }}]\n[base.striker]\nbead = 0\nvelocity_m_s = 5.0\n\
+         [base.time]\nduration_s = 1e-3\n[grid]\n\"striker.velocity_m_s\" = [5.0]\n"
+    );
+    let told = |sweep: &str| {
+        let names = ["end", "forces.peak_count@20", "contacts.open_count", "left_j"];
+        let found = rows(&place, sweep);
+        names.map(|name| column(&found, name)[0].clone())
+    };
+    let ended = told(&sweep);
+    assert!(ended[0] == "met end" && ended[1].is_empty() && ended[2].is_empty(), "{ended:?}");
+    let whole = sweep.replace("until = \"stationary\"\n", "");
+    let [end, peaks, open, left_j] = told(&whole);
+    assert!(end == "complete" && !peaks.is_empty() && !open.is_empty(), "{end} {peaks} {open}");
+    let series = place.read("dir/series.csv");
+    let head: Vec<&str> = series.lines().next().unwrap().split(',').collect();
+    let at = head.iter().position(|name| *name == "energies.left_j").unwrap();
+    // one frame falls into the last interval
+    let last = series.lines().last().unwrap().split(',').nth(at).unwrap();
+    assert_eq!(last.parse::<f64>(), left_j.parse());
+    place.write("s.toml", &whole.replace("\"contacts.open_count\"], count", "\"pulses.bead\"], count"));
+    place.run("sweep s.toml --out dir --force").exits(2).says(&["pulses.bead", "several"]);
+}
+
 #[test]
 fn seeds_are_swept_and_make_an_ensemble() {
     let place = Place::new();
@@ -103,4 +155,19 @@ fn seeds_are_swept_and_make_an_ensemble() {
     let gridded = rows(&place, &format!("{disordered}[grid]\nseed = [3, 4]\n"));
     let hashes = column(&found, "state_sha256");
     assert_eq!(column(&gridded, "state_sha256"), hashes[3..5], "a seed is the same chain in every sweep");
+    // states that are made before a run begins are drawn, too
+    let begun = |initial: &str| {
+        format!(
+            "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0 }}\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+             [initial]\n{initial}\n[time]\nduration_s = 1.0\n"
+        )
+    };
+    for initial in
+        ["modes = { energies_j = [[1, 1e-3]] }", "thermal = { energy_j = 1e-3 }\nenergy_per_bead_j = 1e-3"]
+    {
+        place.write("m.toml", &begun(initial));
+        place.run("run m.toml --no-record --seed 2").exits(0);
+    }
+    place.write("m.toml", &begun("modes = { energies_j = [[1, 1e-3]], phase = 0.0 }"));
+    place.run("run m.toml --no-record --seed 2").exits(2).says(&["--seed 2", "[[disorder]]"]);
 }

@@ -20,6 +20,7 @@ seeds = { from = 0, count = 1000 }
 [base]
 preset = \"homogeneous\"
 chain.beads = 4
+disorder = [{ of = \"masses\", uniform = 0.1 }]
 time.duration_s = 3e-6
 [grid]
 \"striker.velocity_m_s\" = { from = 1.0, to = 2.0, count = 10000 }
@@ -127,7 +128,10 @@ fn many_points_are_not_recorded() {
 #[test]
 fn statistics_over_far_points_are_those_of_their_rows() {
     let text = LARGE.replace("count = 100001", "count = 1500");
-    let text = text.replace("[grid]\n", "[grid]\nseed = { from = 0, to = 69, count = 70 }\n");
+    let text = text.replace(
+        "[grid]\n",
+        "disorder = [{ of = \"masses\", uniform = 0.1 }]\n[grid]\nseed = { from = 0, to = 69, count = 70 }\n",
+    );
     let place = place(&text);
     place.run("sweep s.toml --out dir --jobs 2").exits(0);
     let found = place.read("dir/ensemble.csv");

@@ -522,3 +522,16 @@ fn shells_complete_presets_and_live_runs() {
         assert!(script.contains("ls --names") && script.contains("heavy-impurity"), "{shell}");
     }
 }
+
+#[test]
+fn each_command_says_in_a_line_of_its_own_what_it_does() {
+    let place = Place::new();
+    let help = place.run("--help").exits(0).stdout();
+    let commands = help.split("Options:").next().unwrap().lines().filter(|line| line.starts_with("  "));
+    let lines: Vec<&str> = commands
+        .filter_map(|line| line.trim_start().split_once("  "))
+        .map(|(_, about)| about.trim())
+        .collect();
+    let unlike: std::collections::BTreeSet<_> = lines.iter().collect();
+    assert!(lines.len() > 30 && unlike.len() == lines.len(), "{help}");
+}

@@ -274,7 +274,18 @@ load = { precompression_n = 10.0 }
 drive = [{ wall = \"left\", displacement_m = { sine = { amplitude = 3e-7, frequency_hz = 6.3e3, ramp_s = 1e-4 } } }]
 time = { duration_s = 0.003 }
 ";
-    for (name, text) in [("bonds", bonds), ("spheres", spheres)] {
+    let baths = "\
+seed = 5
+chain = { beads = 16, bead_mass_kg = 1.0, bonds = { linear = 1.0, cubic = 1.0 } }
+ends = { left = \"fixed\", right = \"fixed\" }
+striker = { bead = 8, velocity_m_s = 1.0 }
+bath = [
+    { beads = \"..4\", temperature_j = { ramp = { amplitude = 1.5, to_s = 20.0 } }, friction_per_s = 0.5 },
+    { beads = \"-4..\", temperature_j = 0.5, friction_per_s = 0.5, pairs = true, seed = 9 },
+]
+time = { duration_s = 30.0 }
+";
+    for (name, text) in [("bonds", bonds), ("spheres", spheres), ("baths", baths)] {
         place.write(&format!("{name}.toml"), text);
         place.run(&format!("run {name}.toml --out {name}.mcap")).exits(0);
     }
@@ -286,6 +297,7 @@ time = { duration_s = 0.003 }
     );
     let wall = "frequency of the drive of left wall=8000";
     check(&place, "change", ["spheres.mcap", "speed of the striker=0.2", wall]);
+    check(&place, "change", ["baths.mcap", "speed of the striker=1.5"]);
 }
 
 #[test]

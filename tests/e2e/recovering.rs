@@ -535,3 +535,36 @@ fn parts_are_verified_by_themselves_and_in_their_order() {
     assert!(kept > 0 && first + kept <= last, "{recovered}");
     assert_eq!(recovered["lost_frames"], serde_json::json!([[first, last - kept]]));
 }
+
+/// Advice of `verify` can be followed: a part of a recording is not gone on with, nor is a file recovered of which nothing would be left.
+#[test]
+fn verify_advises_what_can_be_done() {
+    let place = Place::new();
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/1.0-kernel-2/");
+    let part = fs::read(format!("{golden}results-part-0002.mcap")).unwrap();
+    fs::write(place.path("late.mcap.partial"), &part[..part.len() * 9 / 10]).unwrap();
+    let told = place.run("verify late.mcap.partial").exits(3).stdout();
+    assert!(!told.contains("--resume") && told.contains("beadline recover"), "{told}");
+    place.run("run --resume late.mcap.partial").exits(2);
+    fs::copy(format!("{golden}partial.mcap.partial"), place.path("begun.mcap.partial")).unwrap();
+    let told = place.run("verify begun.mcap.partial").exits(3).stdout();
+    assert!(
+        told.contains("beadline run --resume begun.mcap.partial") && told.contains("beadline recover"),
+        "{told}"
+    );
+    for (duration, chunk_count) in [("0.00002", 1), ("0.0005", 2)] {
+        let run =
+            format!("run --preset light-impurity --duration {duration} --no-publish --force --out one.mcap");
+        place.run(&run).exits(0);
+        let mut bytes = fs::read(place.path("one.mcap")).unwrap();
+        let all = chunks(&bytes);
+        assert!(all.len() >= chunk_count && (all.len() == 1) == (chunk_count == 1), "{}", all.len());
+        let (at, length) = all[0];
+        bytes[at + length / 2] ^= 1;
+        fs::write(place.path("flipped.mcap"), &bytes).unwrap();
+        let told = place.run("verify flipped.mcap").exits(3).stdout();
+        let is_lost = chunk_count == 1;
+        assert!(told.contains("beadline recover") != is_lost && !told.contains("--resume"), "{told}");
+        place.run("recover flipped.mcap --out kept.mcap").exits(if is_lost { 2 } else { 0 });
+    }
+}

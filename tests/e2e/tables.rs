@@ -139,6 +139,38 @@ fn rows_without_a_value_are_counted_and_means_of_fewer_are_marked() {
     assert!(!place.read("w.svg").contains("fewer"));
 }
 
+/// A power law is a straight line on logarithmic axes, and a curve on all others; it is one of what is drawn, and says where it is none.
+#[test]
+fn power_laws_are_drawn_as_they_are() {
+    let place = Place::new();
+    let rows = |of: [[i32; 4]; 2]| {
+        let row = |(at, (b, y)): (usize, (usize, i32))| format!("{at},{},{b},{y}\n", 1 << (at % 4));
+        let all = of.into_iter().enumerate().flat_map(|(b, ys)| ys.map(|y| (b, y)));
+        all.enumerate().map(row).collect::<String>()
+    };
+    place.write("t.csv", &format!("index,k,b,y\n{}", rows([[1, 4, 16, 64], [-1, 2, 3, 4]])));
+    let lines = |words: &str, dashes: &str| {
+        plot(&place, &format!("t.csv --x k --y y --by b {words} --out l.svg"));
+        let svg = place.read("l.svg");
+        let dashed = svg.lines().filter(|line| line.contains(&format!("stroke-dasharray=\"{dashes}")));
+        let path =
+            |line: &str| line.split("d=\"").nth(1).and_then(|rest| rest.split('"').next()).map(str::to_owned);
+        dashed.filter_map(path).map(|path| path.split(' ').count()).max().unwrap_or(0)
+    };
+    assert!(lines("--fit --log x,y", "4 ") < 5);
+    assert!(lines("--fit --log none", "4 ") > 50);
+    assert!(lines("--fit --log x", "4 ") > 50);
+    let said =
+        place.run("plot t.csv --x k --y y --by b --fit --slope 2 --log none --out l.svg --force").exits(0);
+    said.says(&["y, b = 1: no power law"]);
+    let [mean, median] = ["", "--band=quantiles"].map(|band| {
+        place.write("m.csv", "index,k,seed,y\n0,1,0,1\n1,1,1,1\n2,1,2,4\n3,2,0,2\n4,2,1,2\n5,2,2,5\n6,4,0,4\n7,4,1,4\n8,4,2,7\n");
+        let told = plot(&place, &format!("m.csv --x k --y y --fit {band} --out m.svg"));
+        told["fits"][0]["exponent"].as_f64().unwrap()
+    });
+    assert!((median - 1.0).abs() < 1e-12 && mean < 0.9, "{mean} {median}");
+}
+
 /// The axis that was swept by the logarithm is logarithmic, whichever it is, unless another one is asked for.
 #[test]
 fn a_swept_axis_is_logarithmic_where_its_values_are() {

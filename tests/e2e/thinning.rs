@@ -112,6 +112,23 @@ fn steps_between_frames_can_be_recorded_too() {
 }
 
 /// A part that begins in mid-run, where no state is due, and says what it follows.
+/// States between frames stand before the frame that a time asks for: readers of frames pass over them.
+#[test]
+fn frames_are_found_among_states_between_them() {
+    let place = Place::new();
+    let config = "[chain]\nbeads = 5\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[striker]\nbead = 0\nvelocity_m_s = 1.0\n\
+        [time]\nduration_s = 1e-3\n[stream]\npublish_every_steps = 7\nrecord_every_steps = 21\n";
+    place.write("sp.toml", config);
+    place.run("run sp.toml").exits(0);
+    place.run("expand sp.mcap --every-steps 1 --out all.mcap").exits(0);
+    for from in ["1e-4", "2.01e-4", "9e-4"] {
+        place.run(&format!("energies sp.mcap --fill-gaps --from {from} --out sp.csv --force")).exits(0);
+        place.run(&format!("energies all.mcap --from {from} --out all.csv --force")).exits(0);
+        assert_eq!(place.read("all.csv"), place.read("sp.csv"));
+        place.run(&format!("plot all.mcap --what velocity --at {from} --out all.svg --force")).exits(0);
+    }
+}
+
 #[test]
 fn a_part_stays_a_part() {
     let place = Place::new();

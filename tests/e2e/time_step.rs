@@ -170,16 +170,36 @@ fn what_decides_the_step_is_said() {
     place.write("stiff.toml", &chain("[damping]\nviscous_n_s_per_m = 500.0\n[integrator]\nmethod = \"rk5\"\n[striker]\nbead = 0\nvelocity_m_s = 5.0", "1e-5"));
     said("stiff.toml", "by the damping");
     place.run("run stiff.toml --no-record").exits(0).says(&["(by the damping)"]);
+    // dashpots of bonds settle as those of contacts do
+    let bonds = "[chain]\nbeads = 9\nbead_mass_kg = 1e-3\nbonds = { linear = 1.0 }\n[damping]\nviscous_n_s_per_m = 3.0\n\
+        [striker]\nbead = 4\nvelocity_m_s = 0.4\n[time]\nduration_s = 0.1\n";
+    place.write("bonds.toml", bonds);
+    said("bonds.toml", "by the damping");
+    let run = place.run("run bonds.toml --no-record --json").exits(0).json();
+    let drift = run["relative_drift"].as_f64().unwrap_or(f64::NAN);
+    assert!(drift.abs() < 1e-3, "{drift:e}");
+    place.run("run bonds.toml --no-record --dt 1e-3").exits(2).says(&["time.dt_s", "allowed"]);
 }
 
 /// A longer step than the default does where four digits are enough, and `check` says how long: then it is true.
 #[test]
 fn check_says_which_longer_step_would_do() {
     let place = Place::new();
-    let chain = "check --preset dimer --beads 40 --duration 3e-3";
-    let check = place.run(&format!("{chain} --json")).exits(0).json();
+    let dimer = "check --preset dimer --beads 40 --duration 3e-3";
+    let check = place.run(&format!("{dimer} --json")).exits(0).json();
     let longer_s = check["longer_dt_s"].as_f64().unwrap();
     assert!(longer_s > 1.5 * check["dt_s"].as_f64().unwrap(), "{longer_s:e}");
-    place.run(&format!("{chain} --dt {longer_s:e}")).exits(0);
-    assert!(place.run(chain).exits(0).stdout().contains("times as long would do, --dt"));
+    place.run(&format!("{dimer} --dt {longer_s:e}")).exits(0);
+    assert!(place.run(dimer).exits(0).stdout().contains("times as long would do, --dt"));
+    // contacts that stay closed have the whole order of the method
+    let walls = "[ends]\nleft = \"fixed\"\nright = \"fixed\"\n[load]\nprecompression_n = 20.0\n[striker]\nbead = 0\nvelocity_m_s = 0.1";
+    for method in ["rkn4", "rk5", "gear5"] {
+        let pressed = chain(&format!("[integrator]\nmethod = \"{method}\"\n{walls}"), "0.05");
+        place.write("p.toml", &pressed);
+        let check = place.run("check p.toml --json").exits(0).json();
+        let longer_s = check["longer_dt_s"].as_f64();
+        assert!(longer_s.is_some() || method != "rkn4");
+        let Some(longer_s) = longer_s else { continue };
+        place.run(&format!("check p.toml --dt {longer_s:e}")).exits(0);
+    }
 }

@@ -149,7 +149,7 @@ const scenarios = {
         await page.mouse.move(x + dx * width, y + dy * height);
         const found = await readOut(page, [cursor, before]);
         before = `${found.place} ${found.step}`;
-        const [, shown] = new RegExp(`${field} (\\S+) m`).exec(found.text);
+        const [, shown] = new RegExp(`${field}(?: from rest)? (\\S+) m`).exec(found.text);
         assert.equal(Number(shown), expected[field](found), `${field}: ${found.text}`);
         assert.equal(selector === "#profile", found.step === "1500", found.text);
         values.add(Number(shown));
@@ -503,9 +503,10 @@ const scenarios = {
       last.u.forEach((u, bead) => assert.equal(u, run[`u_${bead}_m`], `${what}: u of bead ${bead}`));
       last.v.forEach((v, bead) => assert.equal(v, run[`v_${bead}_m_s`], `${what}: v of bead ${bead}`));
       const { bytes: svg } = await exported(page, "SVG");
-      assert.match(String(svg), new RegExp(`>recorded: ${what} `), "the map above says which it is");
-      assert.match(String(svg), new RegExp(`>changed: ${what} \\d`), "and the map below");
-      assert.match(String(svg), new RegExp(`changed, dashed: ${what}: .*recorded`), "and the caption");
+      const words = [...String(svg).matchAll(/>([^<>]+)<\/text>/g)].map(([, text]) => text).join("\n");
+      assert.match(words, new RegExp(`^recorded: ${what} `, "m"), `the map above says which it is: ${words}`);
+      assert.match(words, new RegExp(`^changed: ${what} \\d`, "m"), "and the map below");
+      assert.match(words, new RegExp(`changed, dashed: ${what}: .*recorded`), "and the caption");
       const hash = await until("the change in the address", () =>
         page.evaluate(() => /change=/.exec(location.hash)?.input),
       );

@@ -15,7 +15,10 @@ import fs from "node:fs";
 import { createRequire } from "node:module";
 import zlib from "node:zlib";
 
-import { whyNotChanged, whyNothingChanged } from "../../page/change.js";
+import { stepperOf } from "../../page/chains.js";
+import { changed, configuration, whyNotChanged, whyNothingChanged } from "../../page/change.js";
+import { between } from "../../page/difference.js";
+import { Fields, scalesOf, whyNotRecomputed } from "../../page/fields.js";
 import { bytesOfArray, bytesOfFile, crc32, sha256 } from "../../page/mcap.js";
 import { Recording, manifestOf } from "../../page/recording.js";
 import { decompress } from "../../page/zstd.js";
@@ -194,6 +197,16 @@ function sameChain(ours, theirs) {
   });
 }
 
+/** The energy of a state is that of all beads, each with its share of its contacts. */
+function sharedEnergies(fields, state) {
+  const [beads, energies] = [state.u.length, new Float64Array(8)];
+  const row = new Float32Array(beads);
+  fields.row("energy", state, [0, beads - 1], beads, row);
+  fields.energies(state, energies, 0);
+  const sum = row.reduce((sum, energy) => sum + energy, 0);
+  assert.ok(Math.abs(sum - energies[7]) <= 1e-6 * Math.abs(energies[7]) + 1e-30, `step ${state.step}: ${sum} J of ${energies[7]}`);
+}
+
 async function checkRecording(path, decompressHandlers) {
   const expected = expectedOf(path, decompressHandlers);
   const sources = [bytesOfArray(new Uint8Array(fs.readFileSync(path))), bytesOfFile(await fs.openAsBlob(path))];
@@ -210,9 +223,14 @@ async function checkRecording(path, decompressHandlers) {
     assert.equal(recording.firstStep, expected.states[0].step);
     assert.equal(recording.lastStep, expected.states.at(-1).step);
     sameChain(recording.chain, expected.chain);
+    const { manifest, chain } = recording;
+    const fields = whyNotRecomputed(manifest.physics, chain) ? undefined : new Fields(manifest, chain);
     let next = 0;
     for await (const state of recording.states()) {
       sameState(state, expected.states[next]);
+      if (fields && next % 50 === 0) {
+        sharedEnergies(fields, state);
+      }
       next += 1;
     }
     assert.equal(next, expected.states.length);
@@ -320,26 +338,102 @@ function made({ version = "1.0", physics, provenance, mass = 1, step = [3], time
   return new Uint8Array(Buffer.concat([...head, chunk, end, record(15, u32(0)), footer, magic]));
 }
 
+/** Two equal beads: with α = 1 T is 1 s, and L the largest speed or overlap. */
+const TWO = {
+  ...{ kernel_version: 2, beads: 2, bead_mass_kg: 1, alpha: 1, stiffness: 1, impurities: [], method: "rk5" },
+  ...{ striker: { bead: 0, velocity_m_s: 0 }, dt_s: 0.01, step_count: 100 },
+};
+const NONE = Float64Array.of(0);
+const CHAIN_OF_TWO = {
+  ...{ mass: Float64Array.of(1, 1), stiffness: Float64Array.of(1), restOverlap: NONE, restForce: NONE, damping: NONE },
+};
+
+/** L and T as the command has them, whatever moves a chain. */
+function checkScales() {
+  const sine = { amplitude: -0.3, frequency_hz: 1 };
+  const hump = { times_s: [0, 1, 2], values: [0, 1, 0], interpolation: "cubic" };
+  const ends = { left: "fixed", right: "free" };
+  for (const [more, length] of [
+    [{ strikers: [{ bead: 1, velocity_m_s: -0.5 }], load: { precompression_n: 9 } }, 0.5],
+    [{ initial: { velocities_m_s: [0, -0.7], displacements_m: [9, 0] } }, 0.7],
+    [{ initial: { displacements_m: [0.1, -0.2] } }, 0.3],
+    [{ initial: { displacements_m: [0.4, 0.2] }, ends }, 0.4],
+    [{ initial: { thermal: { energy_j: 0.02 } } }, 0.6],
+    [{ baths: [{ beads: "0..2", temperature_j: { constant: 0.01 }, friction_per_s: 1 }] }, 0.3],
+    [{ drives: [{ bead: 0, displacement_m: { sine } }] }, 0.3],
+    [{ drives: [{ bead: 0, velocity_m_s: { sine } }] }, 0.3],
+    [{ drives: [{ bead: 0, force_n: { table: hump } }] }, 1 + 8 / 27], // slopes 2, 0, −2
+    [{ load: { precompression_n: 0.4 }, contacts: [{ contact: 0, stiffness: 0.5 }] }, 0.8],
+    [{ load: { precompression_n: 0.4 }, ends: { ...ends, left_stiffness: 0.25 } }, 1.6],
+    [{ load: { gravity_m_s2: -0.4 }, impurities: [{ bead: 1, mass_kg: 2 }], ends }, 1.6],
+  ]) {
+    const found = scalesOf({ ...TWO, ...more }, CHAIN_OF_TWO);
+    assert.ok(Math.abs(found.length_m - length) < 1e-12 && Math.abs(found.time_s - 1) < 1e-12, JSON.stringify([more, found]));
+  }
+}
+
+/** Between two steps all that moves is where a step of half the length leads, walls and resonators among it. */
+function checkBetween() {
+  const sine = { amplitude: 0.1, frequency_hz: 0.3, phase_rad: 0.7 };
+  const drives = [{ wall: "left", displacement_m: { sine } }];
+  const wall = { stiffness: 1, restOverlap: 0.1, restForce: 0.1, damping: 0 };
+  const [resonatorMass, resonatorStiffness] = [Float64Array.of(1, 2), Float64Array.of(3, 1)];
+  const chain = { ...CHAIN_OF_TWO, leftWall: wall, resonatorMass, resonatorStiffness };
+  const [whole, half] = [0.02, 0.01].map((dt_s) => stepperOf({ ...TWO, striker: { bead: 1, velocity_m_s: 1 }, drives, dt_s }, chain));
+  const states = [whole, whole, half].map((stepper) => ({ ...stepper.initialState(), step: 0, time_s: 0 }));
+  [undefined, whole, half].forEach((stepper, i) => stepper?.step(states[i]));
+  states[1].step = 1;
+  const found = between(states[0], states[1], 0.5, whole);
+  for (const array of ["u", "v", "extra"]) {
+    found[array].forEach((x, i) => {
+      const isWork = array === "extra" && i === whole.atDrives;
+      assert.ok(Math.abs(x - states[2][array][i]) < (isWork ? 1e-4 : 1e-6), `${array} ${i}: ${x}, not ${states[2][array][i]}`);
+    });
+  }
+}
+
 /** A mass is changed in chains where nothing else follows from it, a speed in all but those whose beginning is given. */
 function checkChanges() {
-  const plain = { ends: { left: "free", right: "fixed" }, striker: { bead: 0, velocity_m_s: 5 }, method: "rk5" };
+  const plain = { ...TWO, alpha: 1.5, ends: { left: "free", right: "fixed" }, striker: { bead: 0, velocity_m_s: 5 } };
   assert.equal(whyNothingChanged(plain), "");
   const [mass, speed, alpha] = [["mass", 1e-3], ["speed", 1], ["alpha", 2]].map(([what, value]) => ({ what, bead: 0, value }));
   for (const [more, massIs, speedIs] of [
     [{ drives: [] }, /^$/, /^$/],
     [{ bonds: { linear: 1 } }, /^$/, /^$/],
     [{ strikers: [] }, /^$/, /^$/],
-    [{ spheres: {} }, /spheres/, /^$/],
+    [{ spheres: { radius_m: 1, density_kg_m3: 1, young_pa: 1, poisson: 0 } }, /spheres/, /^$/],
     [{ disorder: [], seed: 3 }, /seed|disorder/, /^$/],
-    [{ ends: { left: "periodic", right: "periodic" } }, /periodic/, /^$/],
+    [{ beads: 3, ends: { left: "periodic", right: "periodic" } }, /periodic/, /^$/],
     [{ damping: { kuwabara_kono_s: 1 } }, /damping\.kuwabara_kono_s/, /^$/],
     [{ initial: {} }, /initial/, /initial/],
+    [{ seed: 2 ** 62 }, /seed/, /seed/],
+    [{ drives: [{ bead: 0, velocity_m_s: { constant: 1 } }] }, /^$/, /not struck/],
     [{ weather: 1 }, /weather/, /weather/],
   ]) {
     assert.match(whyNotChanged(mass, { ...plain, ...more }), massIs);
     assert.match(whyNotChanged(speed, { ...plain, ...more }), speedIs);
     assert.notEqual(whyNotChanged(alpha, { ...plain, ...more }), "");
   }
+  const drives = [{ bead: 1, force_n: { sine: { amplitude: 1, frequency_hz: 1 } } }];
+  const bound = { ...plain, alpha: 1, bonds: { linear: 1 }, drives };
+  for (const [what, part, value, says] of [
+    ["drive", "force_n.sine.frequency_hz", -1, /frequency_hz: found -1; allowed: a positive number/],
+    ["drive", "force_n.sine.frequency_hz", 5.1, /5\.1 Hz"; allowed: a period of at least 20 steps/],
+    ["drive", "force_n.sine.frequency_hz", 4.9, /^$/],
+    ["drive", "force_n.sine.amplitude", -1, /^$/],
+    ["drive", "force_n.sine.amplitude", NaN, /Expected a number/],
+    ["bond", "linear", -1, /stiffness: found -1/],
+    ["bond", "linear", 2, /^$/],
+  ]) {
+    assert.match(whyNotChanged({ what, bead: 0, part, value }, bound), says);
+  }
+  // the drag of an absorbing end stays, in the configuration, too: by default it follows T
+  const absorbing = { ...TWO, ends: { left: "free", right: "absorbing" }, striker: { bead: 0, velocity_m_s: 1 } };
+  const chain = { ...CHAIN_OF_TWO, drag: Float64Array.of(0, 0.005) };
+  const other = changed({ ...speed, value: 2 }, { physics: { ...absorbing, alpha: 2 }, provenance: { name: "one" } }, chain);
+  assert.equal(other.manifest.physics.ends.absorbing_drag_n_s_per_m, 0.005);
+  assert.match(configuration(other.manifest), /^absorbing_drag_n_s_per_m = 0\.005$/m);
+  assert.equal(absorbing.ends.absorbing_drag_n_s_per_m, undefined);
 }
 
 async function checkMade() {
@@ -352,6 +446,8 @@ async function checkMade() {
     { step: 3, time_s: 3, u: Float64Array.of(1, 2), v: Float64Array.of(1, 9), extra: new Float64Array(0) },
   ]);
   checkChanges();
+  checkScales();
+  checkBetween();
   const credit = { author: "Josiah Carberry", orcid: "0000-0002-1825-0097", licence: "CC-BY-4.0", doi: "10.5281/zenodo.1" };
   const signed = await readAll(made({ provenance: credit }));
   assert.partialDeepStrictEqual(signed.recording.manifest.provenance, credit);

@@ -504,6 +504,8 @@ class Chain:
                 self.part(state, "drives")[2 * i + 1] = x
                 if drive.moves_bead:
                     state[:2, drive.at] = x, drive.velocity(beginning) + 0.0
+        if self.m_r is not None:
+            self.part(state, "w")[:] = state[0]
         if self.method != "gear5":
             return state
         q = [state[0], state[1] * self.dt]

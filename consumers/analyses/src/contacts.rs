@@ -65,7 +65,7 @@ impl ContactAnalysis {
         let manifest = beginning.manifest.clone();
         let tolerance_m =
             beginning.settings.one("tolerance").unwrap_or_else(|| default_tolerance_m(&manifest));
-        let extent = Extent { places: 0..manifest.contact_count(), steps: beginning.steps.clone() };
+        let extent = Extent { places: 0..manifest.all_contact_count(), steps: beginning.steps.clone() };
         let contacts = Contacts::new(&manifest, tolerance_m);
         Self {
             last: ContactCounts::of(contacts.classes()),
@@ -95,7 +95,7 @@ impl Analysis for ContactAnalysis {
     }
 
     fn published(&self) -> Option<ResultColumns> {
-        Some(ResultColumns::contacts(self.manifest.contact_count(), self.tolerance_m))
+        Some(ResultColumns::contacts(self.manifest.all_contact_count(), self.tolerance_m))
     }
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
@@ -138,7 +138,7 @@ impl Analysis for ContactAnalysis {
     }
 
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
-        let extent = Extent { places: 0..self.manifest.contact_count(), steps: 0..=0 };
+        let extent = Extent { places: 0..self.manifest.all_contact_count(), steps: 0..=0 };
         let picture = self.picture.take().unwrap_or_else(|| Picture::new(extent));
         plots::contact_map(&self.manifest, self.tolerance_m, &picture).map(Some)
     }

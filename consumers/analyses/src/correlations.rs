@@ -34,7 +34,8 @@ pub static OFFER: Offer = Offer {
         has a gap between. A run has one energy, and often one momentum: C lies below that of an infinite chain by the variance of these totals over N, and adds up to 0. \
         Sound moves away at ±c, heat stays in the middle (H. Spohn, J. Stat. Phys. 154 (2014) 1191, doi:10.1007/s10955-014-0933-y; S. G. Das and others, Phys. Rev. E 90 (2014) 012124, \
         doi:10.1103/PhysRevE.90.012124). c is the slope of the place of the momentum's peak over the lag. In a ring the sums over j of what is conserved do not change with t, which is \
-        reported. Standard errors are from the scatter of about 32 parts of the run.",
+        reported. Standard errors are from the scatter of about 32 parts of the run. They are too small where its modes hardly exchange energy, as in nearly linear chains, of which \
+        each run has its own correlations, and waves whose speed depends on their length draw the peak apart: sweep the seed.",
     settings: &[
         Setting::new(
             "lag",
@@ -257,7 +258,7 @@ impl Analysis for Correlations {
             Some([c, error]) => words.add("sound", format_args!("{} beads/s", Uncertain::new(c, error))),
             None => words.add("sound", "no peak of the momentum moves away"),
         }
-        if let Some(changes) = found.sum_changes {
+        if let Some(changes) = found.sum_changes.filter(|changes| changes.iter().all(|x| x.is_finite())) {
             let changes = changes.map(number);
             let all = FIELDS.iter().zip(&changes).map(|((name, _), change)| format!("{change} ({name})"));
             words.add("sums change by", format_args!("{} of C(0, 0)", all.collect::<Vec<_>>().join(", ")));
@@ -265,7 +266,7 @@ impl Analysis for Correlations {
         if found.at(0, 0, 0)[1].is_nan() {
             report
                 .notices
-                .push(format!("too few origins for errors: {}, at least {FEWEST} are needed", found.origins));
+                .push(format!("no errors: {} origins do not fill {FEWEST} parts of the run", found.origins));
         }
         let names = OFFER.summary.iter().map(|meaning| meaning.name);
         report.results = names.zip(found.numbers()).map(|(name, number)| (name, json!(number))).collect();

@@ -21,7 +21,7 @@ pub static OFFER: Offer = Offer {
     help: "Examples:\n  \
         beadline deformation run.mcap --contact 100 --figure d.png\n  \
         beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
-        Contact C joins beads C and C+1. Theories are scaled to the largest overlap; their width, speed, \
+        Contact C joins beads C and C+1; the last one of a ring joins its last bead and bead 0. Theories are scaled to the largest overlap; their width, speed, \
         impulse and shape are predictions.",
     settings: &[Setting::new("contact", Takes::Whole("C"), "A contact to follow, repeatable")
         .repeatable()
@@ -68,7 +68,8 @@ struct DeformationAnalysis {
 impl DeformationAnalysis {
     fn begin(beginning: &Beginning<'_>) -> Result<Self, Refusal> {
         let manifest = beginning.manifest.clone();
-        let contacts = beginning.numbers("contact", "contacts", 0..=manifest.physics.beads - 2)?;
+        let last = manifest.all_contact_count() as u64 - 1;
+        let contacts = beginning.numbers("contact", "contacts", 0..=last)?;
         Ok(Self {
             deformations: Deformations::new(&manifest, &contacts),
             summarizer: Summarizer::new(&manifest.physics),

@@ -210,7 +210,9 @@ fn add_reflection(words: &mut Words, reflection: &Reflection, split_bead: u64) {
 
 /// Tells whether and since when the reflected energy is stationary.
 fn stationary(reflection: &Reflection, energies: &Reflected) -> String {
+    let exchanged = |moment| format!("energy was exchanged with the outside, {}", at(moment));
     let met = reflection.met_end.map(|(bead, moment)| format!("a front met bead {bead}, {}", at(moment)));
+    let met = met.or_else(|| reflection.exchanged.map(exchanged));
     match (reflection.stationary_since, met) {
         (Some(since), None) => format!("since {}", at(since)),
         (Some(since), Some(met)) => format!("since {}, until {met}", at(since)),
@@ -249,6 +251,7 @@ fn reflection_json(reflection: &Reflection) -> Value {
         "stationary": reflection.stationary_since.is_some(),
         "stationary_since": reflection.stationary_since,
         "front_met_end": reflection.met_end.map(|(bead, at)| json!({ "bead": bead, "at": at })),
+        "energy_exchanged": reflection.exchanged,
         "energies": reflection.energies.map(|energies| json!({
             "at": energies.at,
             "reflected_j": energies.reflected_j,

@@ -27,8 +27,9 @@ pub static OFFER: Offer = Offer {
         beadline forces --at contact:7 --out forces.csv --peaks peaks.csv    attach to the only live run\n\n\
         A contact or a wall has its force, with what damping adds. A bead has the mean of the forces on its two sides, as \
         a sensor embedded in a bead reads it; a free side has none. Peaks are above the force at rest; two maxima are two \
-        peaks if the force falls below half of the first one and doubles again. width is the full width at half of the \
-        height, where that is above the threshold; above is the time above the threshold.",
+        peaks if the force falls below half of the first one and doubles again. Where the frames begin in a falling force, or \
+        end in a rising one, there is none. width is the full width at half of the height, where that is above the \
+        threshold; above is the time above the threshold.",
     settings: &[
         Setting::new("at", TAKES_PLACE, "A place, repeatable: bead:20, contact:7, wall:left, wall:right")
             .repeatable()

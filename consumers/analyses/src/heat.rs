@@ -12,7 +12,6 @@ use figure::{Axis, Curve, Figure, FigureError, Panel};
 use green_kubo::{GreenKubo, Point, panel};
 use schemas::amounts::{number, quantity};
 use schemas::chain::Chain;
-use schemas::drive::Waveform;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -28,9 +27,10 @@ pub static OFFER: Offer = Offer {
         beadline heat live:hot --figure heat.svg             while the run goes on\n\n\
         The current from bead i to bead i + 1 is J = ½·F·(v_i + v_(i+1)) with the force F of their contact beyond that at rest: the power that \
         moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
-        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between the \
-        first and the last bath, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
-        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown.\n\n\
+        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between \
+        two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
+        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. \
+        Baths of different temperatures in a ring, or more than two of them, drive no one current along the chain: --profile has that of each contact.\n\n\
         Without a difference of temperature the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
         current of all n contacts less its mean, and T the temperature of the chain, from its mean kinetic energy. It is shown over τ: where it stays level it is the conductivity; \
         where it goes on growing the chain has none, as long chains that conserve momentum. Take a ring, or baths on all beads: between ends κ(τ) comes back to 0. Frames have to be evenly spaced, and \
@@ -54,7 +54,7 @@ pub static OFFER: Offer = Offer {
     columns: &[
         Meaning::number(
             "mean_current_w",
-            "current, averaged over the contacts that do not lie within a bath",
+            "current, averaged over the contacts that do not lie within a bath, nor beyond two that drive it",
         ),
         Meaning::number("kinetic_temperature_j", "m·v², averaged over the beads"),
     ],
@@ -67,7 +67,7 @@ pub static OFFER: Offer = Offer {
         ),
         Meaning::number("temperature_j", "temperature of the chain"),
         Meaning::number("temperature_error_j", "its standard error"),
-        Meaning::number("conductivity_per_s", "conductivity between the first and the last bath"),
+        Meaning::number("conductivity_per_s", "conductivity between two baths"),
         Meaning::number("conductivity_error_per_s", "its standard error"),
         Meaning::number("green_kubo_per_s", "conductivity from fluctuations, up to the longest lag"),
         Meaning::number("green_kubo_error_per_s", "its standard error"),
@@ -89,8 +89,14 @@ struct Heat {
     chain: Chain,
     /// Contacts between beads, in a ring with the last one to bead 0.
     contacts: usize,
-    /// Those that do not lie within a bath; all if there are none.
+    /// Those that do not lie within a bath; where two baths drive a current, between them. All if there are none.
     inner: Vec<usize>,
+    /// True if baths drive a current: their temperatures differ, or change.
+    is_driven: bool,
+    /// The reason why the contacts have no one current, if there is one.
+    no_current: Option<&'static str>,
+    /// True if the conductivity from fluctuations was asked for.
+    wants_fluctuations: bool,
     green_kubo: GreenKubo,
     /// Its outcome, once no more frames come.
     points: Vec<Point>,
@@ -100,8 +106,8 @@ struct Heat {
     rows: Blocks,
     /// The first and the last time (s).
     times_s: Option<[f64; 2]>,
-    /// Temperatures (J) of the first and the last bath, if they are constant.
-    baths_j: Option<[f64; 2]>,
+    /// The conductivity (1/s) over the current (W): the beads between two baths of constant temperatures over the difference of these (J).
+    conductivity_per_j: Option<f64>,
 }
 
 impl Heat {
@@ -114,25 +120,45 @@ impl Heat {
         }
         let mut baths: Vec<_> = manifest.physics.baths.iter().collect();
         baths.sort_by_key(|bath| bath.beads.from);
-        let constant = |bath: &&schemas::bath::Bath| {
-            let start = schemas::functions::Moment::new(0, 0.0, 0.0);
-            let written = bath.temperature_j.as_ref().or(bath.temperature_k.as_ref());
-            matches!(written, Some(Waveform::Constant(_))).then(|| bath.temperature_j(start))
+        let start = schemas::functions::Moment::new(0, 0.0, 0.0);
+        let temperatures: Vec<Option<f64>> =
+            baths.iter().map(|bath| bath.is_steady().then(|| bath.temperature_j(start))).collect();
+        let is_driven = temperatures.iter().any(|found| found.is_none() || *found != temperatures[0]);
+        let no_current = match baths.len() {
+            _ if !is_driven => None,
+            _ if chain.is_ring => Some("in a ring heat goes both ways round, and its currents cancel"),
+            3.. => Some("baths between the first and the last one give or take heat, and currents differ"),
+            _ => None,
         };
         let contacts = if chain.is_ring { beads } else { beads - 1 };
+        let between = match baths[..] {
+            [first, last] if is_driven && no_current.is_none() => {
+                first.beads.range().start..last.beads.range().end - 1
+            }
+            _ => 0..contacts,
+        };
         let within = |c: &usize| {
             baths.iter().any(|bath| {
                 let of_bath = bath.beads.range();
                 of_bath.contains(c) && of_bath.contains(&((c + 1) % beads))
             })
         };
-        let inner: Vec<usize> = (0..contacts).filter(|c| !within(c)).collect();
+        let inner: Vec<usize> = between.clone().filter(|c| !within(c)).collect();
         let last_step = manifest.physics.step_count.min(*beginning.steps.end());
-        let ends = baths.first().and_then(constant).zip(baths.last().and_then(constant));
+        let lag_s: Option<f64> = beginning.settings.one("lag");
+        let conductivity_per_j = match temperatures[..] {
+            [Some(first_j), Some(last_j)] if is_driven && no_current.is_none() => {
+                Some((between.len() + 1) as f64 / (first_j - last_j))
+            }
+            _ => None,
+        };
         Ok(Self {
-            baths_j: ends.filter(|(first, last)| first != last).map(<[f64; 2]>::from),
+            conductivity_per_j,
             inner: if inner.is_empty() { (0..contacts).collect() } else { inner },
-            green_kubo: GreenKubo::new(beginning.settings.one("lag"), manifest.physics.dt_s, last_step),
+            is_driven,
+            no_current,
+            green_kubo: GreenKubo::new(lag_s, manifest.physics.dt_s, last_step),
+            wants_fluctuations: lag_s.is_some(),
             points: Vec::new(),
             places: Blocks::new(beads + contacts),
             contacts,
@@ -145,24 +171,24 @@ impl Heat {
 
     /// The current (W) through contact `c` between two beads.
     fn current_w(&self, c: usize, frame: &Frame<'_>) -> f64 {
-        let force_n = if c + 1 < self.chain.bead_count() {
-            self.chain.contact_force_n(frame.u_m, c) - self.chain.rest_force_n[c]
-        } else {
-            self.chain.wall_forces_n(frame.u_m, frame.extra)[0] - self.chain.walls.left.rest_force_n
-        };
+        let rest_n = self.chain.rest_force_n.get(c).copied().unwrap_or(self.chain.walls.left.rest_force_n);
+        let force_n = self.chain.whole_force_n(frame.state(), frame.time_s, c) - rest_n;
         0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()])
     }
 
-    /// The conductivity over the lag from fluctuations, and the current's autocorrelation.
+    /// The conductivity over the lag from fluctuations, and the current's autocorrelation; none where baths drive a current.
     fn fluctuations(&self) -> Vec<Point> {
+        if self.is_driven {
+            return Vec::new();
+        }
         self.green_kubo.points(self.inner.len(), self.rows.estimate(1))
     }
 
     /// Current (W), temperature (J) and conductivity (1/s).
     fn found(&self) -> [Estimate; 3] {
         let [current, temperature] = [0, 1].map(|quantity| self.rows.estimate(quantity));
-        let factor =
-            self.baths_j.map_or(f64::NAN, |[first, last]| self.chain.bead_count() as f64 / (first - last));
+        let current = if self.no_current.is_some() { NONE } else { current };
+        let factor = self.conductivity_per_j.unwrap_or(f64::NAN);
         let conductivity = Estimate {
             mean: factor * current.mean,
             error: factor.abs() * current.error,
@@ -239,6 +265,7 @@ impl Analysis for Heat {
 
     fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
         self.green_kubo.check()?;
+        self.wants_fluctuations |= out.wants(2);
         self.points = self.fluctuations();
         let cell = |value: f64| Cell::from(Number::Double(value));
         for bead in 0..if out.wants(1) { self.chain.bead_count() } else { 0 } {
@@ -259,25 +286,38 @@ impl Analysis for Heat {
     fn report(&mut self) -> Option<Report> {
         let [current, temperature, conductivity] = self.found();
         let memory_s = self.memory_s();
-        let with_error = |found: Estimate, unit: &str| {
-            format!("{} ± {}", quantity(found.mean, unit), quantity(found.error, unit))
+        let told = |found: Estimate, text: &dyn Fn(f64) -> String| match found.error {
+            error if error.is_nan() => text(found.mean),
+            error => format!("{} ± {}", text(found.mean), text(error)),
         };
         let mut report = Report { title: "heat", ..Report::default() };
         let words = &mut report.words;
-        words.add("frames", self.rows.frames());
-        words.add("current", with_error(current, "W"));
-        words.add("memory", format_args!("{} of the current", quantity(memory_s, "s")));
-        words.add("temperature", with_error(temperature, "J"));
-        if self.baths_j.is_some() {
-            let [kappa, error] = [conductivity.mean, conductivity.error].map(number);
-            words.add("conductivity", format_args!("{kappa} ± {error} 1/s"));
+        if self.no_current.is_none() {
+            words.add("current", told(current, &|value| quantity(value, "W")));
         }
-        if let Some((lag_s, _, kubo)) = self.points.last().filter(|_| self.baths_j.is_none()) {
+        if memory_s.is_finite() {
+            words.add("memory", format_args!("{} of the current", quantity(memory_s, "s")));
+        }
+        words.add("temperature", told(temperature, &|value| quantity(value, "J")));
+        if self.conductivity_per_j.is_some() {
+            words.add("conductivity", format_args!("{} 1/s", told(conductivity, &number)));
+        }
+        if let Some((lag_s, _, kubo)) = self.points.last() {
             let ([kappa, error], up_to) = (kubo.map(number), quantity(*lag_s, "s"));
             words.add("Green-Kubo", format_args!("{kappa} ± {error} 1/s from lags up to {up_to}"));
         }
         report.results = self.numbers().map(|(name, number)| (name, json!(number))).into_iter().collect();
-        if current.error.is_nan() {
+        report.notices.extend(self.no_current.map(|why| {
+            format!("no current along the chain and no conductivity: {why}; --profile has the current of each contact")
+        }));
+        if self.is_driven && self.wants_fluctuations {
+            report.notices.push(
+                "no conductivity from fluctuations: the temperatures of the baths differ or change, and it needs equilibrium; \
+                 leave the baths out, or give all one temperature"
+                    .to_owned(),
+            );
+        }
+        if temperature.error.is_nan() {
             report
                 .notices
                 .push("too few frames for errors: at least 8 blocks of frames are needed".to_owned());
@@ -305,7 +345,7 @@ impl Analysis for Heat {
             .caption(plots::caption(&self.manifest))
             .panel(of_beads("temperature m<v^{2}> (J)", temperatures).note("bands: two standard errors"))
             .panel(of_beads("current (W)", currents));
-        let is_even = self.baths_j.is_none() && self.points.len() > 1;
+        let is_even = self.points.len() > 1;
         Ok(Some(if is_even { figure.panel(panel(&self.points)) } else { figure.shared_x() }))
     }
 
@@ -366,6 +406,20 @@ mod tests {
         }
     }
 
+    /// The heat of a run, of which some steps are looked at.
+    fn of_run(manifest: &RunManifest, settings: &Settings, is_looked_at: impl Fn(u64) -> bool) -> Heat {
+        let mut heat = Heat::begin(&Beginning::whole("heat", manifest, settings)).unwrap();
+        let mut state = ChainState::initial(&manifest.physics);
+        let mut integrator = Integrator::new(&manifest.physics);
+        while state.step < manifest.physics.step_count {
+            integrator.step(&mut state);
+            if is_looked_at(state.step) {
+                heat.observe(&state.as_frame(manifest, state.step), &mut LastRow::default());
+            }
+        }
+        heat
+    }
+
     /// The chain of Rieder, Lebowitz and Lieb: its exact current lies within four errors, and the profile, too.
     #[test]
     fn a_harmonic_chain_between_baths_has_its_current() {
@@ -378,16 +432,7 @@ mod tests {
             bath(0, 1.5),
             bath(-1, 0.5)
         ));
-        let settings = Settings::default();
-        let mut heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
-        let mut state = ChainState::initial(&manifest.physics);
-        let (mut integrator, mut row) = (Integrator::new(&manifest.physics), LastRow::default());
-        while state.step < manifest.physics.step_count {
-            integrator.step(&mut state);
-            if state.step > 10_000 && state.step.is_multiple_of(10) {
-                heat.observe(&state.as_frame(&manifest, state.step), &mut row);
-            }
-        }
+        let heat = of_run(&manifest, &Settings::default(), |step| step > 10_000 && step.is_multiple_of(10));
         let [current, temperature, conductivity] = heat.found();
         let is_near = |found: Estimate, exact: f64| (found.mean - exact).abs() < 4.0 * found.error;
         assert!(is_near(current, 0.171_572_875) && current.error < 0.01, "{current:?}");
@@ -412,15 +457,7 @@ mod tests {
         );
         let mut settings = Settings::default();
         settings.set(&OFFER.settings[0], vec!["10".to_owned()]).unwrap();
-        let mut heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
-        let mut state = ChainState::initial(&manifest.physics);
-        let (mut integrator, mut row) = (Integrator::new(&manifest.physics), LastRow::default());
-        while state.step < manifest.physics.step_count {
-            integrator.step(&mut state);
-            if state.step > 1_000 && state.step.is_multiple_of(2) {
-                heat.observe(&state.as_frame(&manifest, state.step), &mut row);
-            }
-        }
+        let heat = of_run(&manifest, &settings, |step| step > 1_000 && step.is_multiple_of(2));
         let points = heat.fluctuations();
         assert_eq!(points.len(), 51);
         for (lag_s, product, conductivity) in &points {
@@ -458,5 +495,53 @@ mod tests {
             let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame)).sum();
             assert!((current_w.abs() - energy_j * (0.5 * q).cos()).abs() < 1e-4 * energy_j, "{current_w}");
         }
+    }
+
+    /// One number is told where there is one: in an open chain between two baths, and in equilibrium.
+    #[test]
+    fn a_ring_and_several_baths_have_no_one_current() {
+        let bath = |beads: &str, t: f64| {
+            format!("[[bath]]\nbeads = \"{beads}\"\ntemperature_j = {t:?}\nfriction_per_s = 0.5\n")
+        };
+        let (hot, middle, cold) = (bath("0..2", 1.5), bath("3..5", 1.0), bath("-2..", 0.5));
+        let (ring, open) = ("periodic", "fixed");
+        for (ends, baths, has_current, has_fluctuations) in [
+            (ring, [&*hot, &*cold].concat(), false, false),
+            (open, [&*hot, &*middle, &*cold].concat(), false, false),
+            (open, [&*hot, &*cold].concat(), true, false),
+            (ring, [&*hot, &*cold.replace("0.5\nf", "1.5\nf")].concat(), true, true),
+            (ring, bath("..", 1.0), true, true),
+        ] {
+            let manifest = manifest(&format!(
+                "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0 }}\n[ends]\nleft = \"{ends}\"\nright = \"{ends}\"\n\
+                 {baths}[time]\nduration_s = 40\ndt_s = 0.1\n"
+            ));
+            let mut heat = of_run(&manifest, &Settings::default(), |_| true);
+            heat.wants_fluctuations = true;
+            heat.finish(&mut LastRow::default()).unwrap();
+            let told = heat.report().unwrap();
+            let is_told = |name: &str| told.results[name].is_f64();
+            let has_conductivity = has_current && !has_fluctuations;
+            assert_eq!(is_told("current_w"), has_current, "{ends} {baths}");
+            assert_eq!(is_told("conductivity_per_s"), has_conductivity, "{ends} {baths}");
+            assert_eq!(is_told("green_kubo_per_s"), has_fluctuations, "{ends} {baths}");
+            let says = |text: &str| told.notices.iter().any(|notice| notice.contains(text));
+            assert_eq!(says("--profile"), !has_current, "{:?}", told.notices);
+            assert_eq!(says("equilibrium"), !has_fluctuations, "{:?}", told.notices);
+            assert!(is_told("temperature_j") && !says("too few frames"), "{:?}", told.notices);
+        }
+    }
+
+    /// Beads outside of both baths have no current, and do not count.
+    #[test]
+    fn the_current_is_that_between_the_baths() {
+        let manifest = manifest(
+            "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[time]\nduration_s = 1.0\n\
+             [[bath]]\nbeads = 2\ntemperature_j = 1.5\nfriction_per_s = 0.5\n\
+             [[bath]]\nbeads = \"5..7\"\ntemperature_j = 0.5\nfriction_per_s = 0.5\n",
+        );
+        let settings = Settings::default();
+        let heat = Heat::begin(&Beginning::whole("heat", &manifest, &settings)).unwrap();
+        assert_eq!((&heat.inner[..], heat.conductivity_per_j), (&[2, 3, 4][..], Some(5.0)));
     }
 }

@@ -18,7 +18,7 @@ use schemas::results::ResultColumns;
 use schemas::simd::{ordered_sum, vectorized};
 use serde_json::json;
 use std::ops::Range;
-use waves::linear::LinearChain;
+use waves::linear::{LinearChain, check_beads_are_free};
 use waves::modal::Modal;
 
 /// The analysis, before it looks at a run.
@@ -36,7 +36,7 @@ pub static OFFER: Offer = Offer {
         with S0 of the first frame that is looked at: 1 at first. In equilibrium the energies fluctuate, and η comes to about 0.42/(ln M - S0). \
         The mean η is that of energies averaged over the time s since the first frame with the weight s², which forget the beginning and fluctuate \
         less the longer it lasts; --threshold tells when it was first below. --spectrum has the mean energy of each mode. --bands adds the energies of \
-        bands of modes, which show a packet of low modes that lasts before all have the same. A frame costs one Fourier transform where all \
+        bands of modes, without those of frequency 0, which show a packet of low modes that lasts before all have the same. A frame costs one Fourier transform where all \
         beads and springs are alike, else the square of their number.",
     settings: &[
         Setting::new(
@@ -97,6 +97,9 @@ fn entropy_of(energies_j: &[f64]) -> f64 {
 
 /// Numbers of a row that are about all modes.
 const OF_ALL: usize = 5;
+
+/// The least difference of an entropy from that of equipartition.
+const LEAST_WAY: f64 = 1e-9;
 
 /// The most bands.
 const MOST_BANDS: usize = 64;
@@ -170,6 +173,7 @@ impl ModalAnalysis {
     fn begin(beginning: &Beginning<'_>) -> Result<Self, Refusal> {
         let manifest = beginning.manifest.clone();
         let chain = manifest.physics.chain();
+        check_beads_are_free(&manifest.physics)?;
         let linear = LinearChain::of(&chain).map_err(|error| error.to_string())?;
         let count = Modal::count_of(&linear).map_err(|error| error.to_string())?;
         let bands = match beginning.settings.one::<String>("bands") {
@@ -288,7 +292,9 @@ impl Analysis for ModalAnalysis {
         if self.first_entropy.is_nan() {
             self.first_entropy = entropy;
         }
-        let distance_of = |entropy: f64| (most - entropy) / (most - self.first_entropy);
+        // a run that begins with equipartition has no way there; what is left is rounding
+        let way = Some(most - self.first_entropy).filter(|way| *way > LEAST_WAY).unwrap_or(f64::NAN);
+        let distance_of = |entropy: f64| (most - entropy) / way;
         let (distance, mean_distance) = (distance_of(entropy), distance_of(entropy_of(&self.means_j)));
         if mean_distance < self.threshold && self.equipartition_s.is_none() {
             self.equipartition_s = Some(frame.time_s);
@@ -330,13 +336,17 @@ impl Analysis for ModalAnalysis {
         words.add("energy", format_args!("{} in the modes", quantity(energy_j, "J")));
         words
             .add("effective", format_args!("{} modes; {} by mean energies", number(effective), number(mean)));
-        words.add("distance", format_args!("η = {}, mean {}", number(distance), number(mean_distance)));
-        let reached = self.equipartition_s.map(|time_s| format!("at {}", quantity(time_s, "s")));
-        let never = || "not reached in the frames that were looked at".to_owned();
-        words.add(
-            "mean η below",
-            format_args!("{}: {}", number(self.threshold), reached.unwrap_or_else(never)),
-        );
+        if distance.is_nan() {
+            words.add("distance", "none: the first frame has equipartition, or no energy");
+        } else {
+            words.add("distance", format_args!("η = {}, mean {}", number(distance), number(mean_distance)));
+            let reached = self.equipartition_s.map(|time_s| format!("at {}", quantity(time_s, "s")));
+            let never = || "not reached in the frames that were looked at".to_owned();
+            words.add(
+                "mean η below",
+                format_args!("{}: {}", number(self.threshold), reached.unwrap_or_else(never)),
+            );
+        }
         report.results = json!({
             "modes": self.count(), "modal_energy_j": energy_j, "entropy": entropy, "effective_modes": effective,
             "distance": distance, "mean_distance": mean_distance, "equipartition_s": self.equipartition_s, "effective_modes_of_mean": mean,

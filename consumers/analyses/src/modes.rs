@@ -18,7 +18,7 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::sync::Arc;
 use waves::dispersion::{Band, UnitCell};
-use waves::linear::LinearChain;
+use waves::linear::{LinearChain, check_beads_are_free};
 use waves::modes::{Modes, ModesError};
 
 /// The analysis, before it looks at a run.
@@ -141,6 +141,7 @@ impl ModeAnalysis {
             let why = "--mode chooses modes for --shapes or --energy; without them all are listed";
             return Err(why.to_owned().into());
         }
+        check_beads_are_free(&manifest.physics)?;
         let whole = manifest.physics.chain();
         let chain = LinearChain::of(&whole).map_err(|error| error.to_string())?;
         let count = Modes::count_of(&chain).map_err(|error| error.to_string())?;

@@ -27,7 +27,7 @@ fn pair(text: &str) -> Result<[Place; 2], String> {
     Ok([place(from)?, place(to)?])
 }
 
-/// The places that `setting` names.
+/// The places that `setting` names, each once.
 ///
 /// # Errors
 /// When one does not exist in `chain`.
@@ -37,10 +37,10 @@ pub(crate) fn places(
     chain: &Chain,
 ) -> Result<Vec<Place>, Refusal> {
     let texts: Vec<String> = beginning.settings.all(setting);
-    texts.iter().map(|text| checked(place(text)?, chain)).collect()
+    once(texts.iter().map(|text| checked(place(text)?, chain)))
 }
 
-/// The pairs of places that `setting` names.
+/// The pairs of places that `setting` names, each once.
 ///
 /// # Errors
 /// When one does not exist in `chain`.
@@ -54,7 +54,19 @@ pub(crate) fn pairs(
         let [from, to] = pair(text)?;
         Ok([checked(from, chain)?, checked(to, chain)?])
     });
-    pairs.collect()
+    once(pairs)
+}
+
+/// All of these in their order, without those that were there before.
+fn once<T: PartialEq>(all: impl Iterator<Item = Result<T, Refusal>>) -> Result<Vec<T>, Refusal> {
+    let mut found = Vec::new();
+    for next in all {
+        let next = next?;
+        if !found.contains(&next) {
+            found.push(next);
+        }
+    }
+    Ok(found)
 }
 
 fn checked(place: Place, chain: &Chain) -> Result<Place, Refusal> {

@@ -37,7 +37,7 @@ pub static OFFER: Offer = Offer {
         beadline spectrum run.mcap --map --figure map.png      all of the chain over ω and q\n  \
         beadline spectrum sparse.mcap --at bead:50 --every-step\n\n\
         Densities are one-sided, by Welch's method: means over segments that overlap by half, less their mean, under a \
-        Hann window (by 7/8 in the spectrogram). Their integral over frequency is the mean square. Samples are those of frames; the sampling \
+        Hann window (by 7/8 in the spectrogram). Their integral over frequency is the mean square of the rest. Samples are those of frames; the sampling \
         frequency is told, and a warning where the recording is too sparse for it. Transmission is the estimate \
         H1 = S_ab/S_aa, with its phase, and its coherence if there are several segments: a figure has |H1| where that is above chance, and of one \
         segment up to the top of the band; a pulse that passes both places \
@@ -100,7 +100,7 @@ pub static OFFER: Offer = Offer {
     summary: &[
         Meaning::number("peak_hz", "frequency of the largest density of the velocity"),
         Meaning::number("peak_density", "that density"),
-        Meaning::number("mean_square", "mean square of the velocity"),
+        Meaning::number("mean_square", "mean square of the velocity, less its mean"),
     ],
     place: Whereabouts::Of { setting: "at", also: &[], allowed: ALLOWED },
     needs: Needs::FRAMES,

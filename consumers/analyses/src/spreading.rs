@@ -13,6 +13,7 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde::Serialize;
 use serde_json::json;
+use std::f64::consts::TAU;
 
 /// The analysis, before it looks at a run.
 pub static OFFER: Offer = Offer {
@@ -24,10 +25,10 @@ pub static OFFER: Offer = Offer {
         beadline spreading sparse.mcap --every-step --from 0.04 --until 0.041 --out s.csv\n\n\
         The energy ε of bead i is its kinetic energy, half the potential energy of each contact with a bead, and all of that with a \
         wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
-        has all the energy, N if all have the same. `beadline plot --what energy-density` maps ε.\n\n\
+        has all the energy, N if all have the same. A ring is cut open opposite to where the energy is. `beadline plot --what energy-density` maps ε.\n\n\
         m2 and P grow as powers of the time: their exponents are the slopes of the logarithms, by least squares from --fit-from to the end, \
         with the same weight for each factor in time. The localisation length ξ is that of exp(-|i − p|/ξ), fitted to the mean energies of these \
-        frames around the bead p that has most, out to where they are 1e-8 of its. Errors are those over runs: sweep the seed.",
+        frames around the bead p that has most, out to where they are 1e-8 of its; there is none if it is longer than the chain. Errors are those over runs: sweep the seed.",
     settings: &[Setting::new(
         "fit-from",
         Takes::number("s", Allowed::AboveZero),
@@ -82,21 +83,27 @@ impl SpreadingRow {
     /// assert_eq!((row.centre_beads, row.second_moment_beads2, row.participation_beads), (1.0, 1.0, 2.0));
     /// ```
     pub fn of(energies_j: &[f64]) -> Self {
-        Self::among(0, energies_j)
+        Self::among(0, energies_j, None)
     }
 
-    /// The same where no beads have energy but those from `first` on, with `energies_j` (J).
-    fn among(first: usize, energies_j: &[f64]) -> Self {
+    /// The same where no beads have energy but those from `first` on, with `energies_j` (J); in a ring of so many beads, which is cut
+    /// open opposite to where the energy is.
+    fn among(first: usize, energies_j: &[f64], ring: Option<usize>) -> Self {
+        let around = ring.map(|beads| (beads as f64, mean_place(first, energies_j, beads as f64)));
         let first = u32::try_from(first).unwrap_or(u32::MAX); // a chain has at most 2e7 beads
+        let place = |bead: u32| match (f64::from(bead), around) {
+            (place, Some((beads, mean))) => place - beads * ((place - mean) / beads).round(),
+            (place, None) => place,
+        };
         let sum = |of: &dyn Fn(f64, f64) -> f64| {
-            (first..).zip(energies_j).fold(0.0, |sum, (bead, energy)| sum + of(bead.into(), *energy))
+            (first..).zip(energies_j).fold(0.0, |sum, (bead, energy)| sum + of(place(bead), *energy))
         };
         let energy_j = sum(&|_, energy| energy);
         let centre_beads = sum(&|bead, energy| bead * energy) / energy_j;
         let second = sum(&|bead, energy| (bead - centre_beads) * (bead - centre_beads) * energy);
         Self {
             energy_j,
-            centre_beads,
+            centre_beads: around.map_or(centre_beads, |(beads, _)| centre_beads.rem_euclid(beads)),
             second_moment_beads2: second / energy_j,
             participation_beads: energy_j * energy_j / sum(&|_, energy| energy * energy),
         }
@@ -106,6 +113,18 @@ impl SpreadingRow {
     pub fn values(&self) -> [f64; 4] {
         [self.energy_j, self.centre_beads, self.second_moment_beads2, self.participation_beads]
     }
+}
+
+/// The mean direction of these energies of beads from `first` on, in a ring of `beads` beads, as a place in it.
+fn mean_place(first: usize, energies_j: &[f64], beads: f64) -> f64 {
+    let (step_sin, step_cos) = (TAU / beads).sin_cos();
+    let (mut sin, mut cos) = (TAU * first as f64 / beads).sin_cos();
+    let mut sums = [0.0; 2];
+    for energy_j in energies_j {
+        sums = [sums[0] + energy_j * cos, sums[1] + energy_j * sin];
+        (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+    }
+    sums[1].atan2(sums[0]) / TAU * beads
 }
 
 struct Spreading {
@@ -148,15 +167,24 @@ impl Spreading {
 
     /// The localisation length (beads); none where energies do not fall from the bead that has most.
     fn localisation_beads(&self) -> Option<f64> {
-        let (peak, most_j) = (0..).zip(&self.sums_j).reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+        let mut sums_j = self.sums_j.clone();
+        let (mut peak, most_j) =
+            sums_j.iter().copied().enumerate().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+        if self.chain.is_ring {
+            let (beads, middle) = (sums_j.len(), sums_j.len() / 2);
+            sums_j.rotate_left((peak + beads - middle) % beads);
+            peak = middle;
+        }
         let is_seen = |sum_j: &&f64| **sum_j > FAINTEST * most_j;
         let mut sums = LineSums::default();
-        let (before, after) = self.sums_j.split_at(peak);
+        let (before, after) = sums_j.split_at(peak);
         for (first, side) in [(1_u32, before.iter().rev().collect::<Vec<_>>()), (0, after.iter().collect())] {
             let seen = side.into_iter().take_while(is_seen);
             (first..).zip(seen).for_each(|(distance, sum_j)| sums.add((distance.into(), sum_j.ln()), 1.0));
         }
-        sums.line().map(|[slope, _]| -1.0 / slope).filter(|length| *length > 0.0 && length.is_finite())
+        // along the chain they fall by e at least, or it holds no length
+        let most = sums_j.len() as f64;
+        sums.line().map(|[slope, _]| -1.0 / slope).filter(|length| *length > 0.0 && *length <= most)
     }
 }
 
@@ -164,7 +192,8 @@ impl Analysis for Spreading {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let (beads, energies_j) = self.energies.of(&self.chain, frame);
         let energies_j = &energies_j[beads.clone()];
-        let row = SpreadingRow::among(beads.start, energies_j);
+        let ring = self.chain.is_ring.then_some(self.chain.bead_count());
+        let row = SpreadingRow::among(beads.start, energies_j, ring);
         if frame.time_s >= self.fit_from_s {
             for (sums, value) in
                 self.growth.iter_mut().zip([row.second_moment_beads2, row.participation_beads])
@@ -285,5 +314,24 @@ mod tests {
         let even = SpreadingRow::of(&[0.5; 11]);
         assert_eq!(even.values(), [5.5, 5.0, 10.0, 11.0]);
         assert!(SpreadingRow::of(&[0.0; 3]).participation_beads.is_nan());
+    }
+
+    /// A packet in a ring is as wide at the seam as elsewhere, and its middle is where it is.
+    #[test]
+    fn a_ring_has_no_first_bead() {
+        let packet = [0.5, 2.0, 1.0, 0.25];
+        let whole = SpreadingRow::among(2, &packet, Some(11));
+        assert_eq!(whole, SpreadingRow::of(&[[0.0; 2].as_slice(), &packet, &[0.0; 5]].concat()));
+        let mut turned = [[0.0; 2].as_slice(), &packet, &[0.0; 5]].concat();
+        for turns in 1..=11_u32 {
+            turned.rotate_right(1);
+            let row = SpreadingRow::among(0, &turned, Some(11));
+            let middle = (whole.centre_beads + f64::from(turns)) % 11.0;
+            assert!((row.centre_beads - middle).abs() < 1e-12, "{turns}: {row:?}");
+            assert!(
+                (row.second_moment_beads2 - whole.second_moment_beads2).abs() < 1e-12,
+                "{turns}: {row:?}"
+            );
+        }
     }
 }

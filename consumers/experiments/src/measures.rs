@@ -53,6 +53,15 @@ fn number_of(kind: MeasureOf, offer: &'static Offer, asked: &str) -> Result<&'st
     Err(format!("found the unknown column `{asked}` of {}; allowed: {allowed}{hint}", offer.name))
 }
 
+/// The way to a number of each frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum InRow {
+    /// A place in its row.
+    Place(usize),
+    /// A number of the summary, which is of the last frame.
+    Number(&'static str),
+}
+
 /// A number that a sweep asks for.
 pub(crate) struct Measure<'a> {
     pub(crate) offer: &'static Offer,
@@ -117,15 +126,23 @@ impl<'a> Measure<'a> {
         (self.offer.name, self.options, place)
     }
 
-    /// The place of the column in the rows of `analysis`.
-    pub(crate) fn place_in(&self, analysis: &dyn Analysis) -> Result<usize, String> {
-        let names = self.offer.published(analysis).map(|published| published.names).unwrap_or_default();
-        let place = names.split(',').position(|name| name == self.number.name);
-        place.ok_or_else(|| {
-            format!(
-                "found `{}`, which is not in each row of {}; allowed: {names}",
-                self.number.name, self.offer.name
-            )
+    /// The way to the column's number in each frame that `analysis` looks at.
+    pub(crate) fn in_rows_of(&self, analysis: &dyn Analysis) -> Result<InRow, String> {
+        let name = self.number.name;
+        if self.offer.needs.last_frame_only {
+            return Ok(InRow::Number(name));
+        }
+        let published = self.offer.published(analysis).unwrap_or_default();
+        let names: Vec<&str> = published.names.split(',').collect();
+        if names.len() != published.width {
+            let of = self.offer.name;
+            return Err(format!(
+                "found `{of}.{name}`, of which a frame has several; allowed: other analyses"
+            ));
+        }
+        names.iter().position(|known| *known == name).map(InRow::Place).ok_or_else(|| {
+            let (of, names) = (self.offer.name, &published.names);
+            format!("found `{name}`, which is not in each row of {of}; allowed: {names}")
         })
     }
 
@@ -156,9 +173,23 @@ impl<'a> Measure<'a> {
         Ok(settings)
     }
 
+    pub(crate) fn has_no_options(&self) -> bool {
+        self.options.is_empty()
+    }
+
     /// Begins to look at a run.
     pub(crate) fn begin(&self, manifest: &RunManifest, is_trial: bool) -> Result<Box<dyn Analysis>, String> {
-        let mut settings = self.settings()?;
+        self.begin_with(&self.settings()?, manifest, is_trial)
+    }
+
+    /// The same with these settings, and the place.
+    pub(crate) fn begin_with(
+        &self,
+        settings: &Settings,
+        manifest: &RunManifest,
+        is_trial: bool,
+    ) -> Result<Box<dyn Analysis>, String> {
+        let mut settings = settings.clone();
         if let (Whereabouts::Of { setting, also, allowed }, Some(place)) = (&self.offer.place, self.place) {
             for known in self.offer.settings {
                 let set = if known.name == *setting {
@@ -192,7 +223,7 @@ pub(crate) fn check(kind: MeasureOf, text: &str, manifest: Option<&RunManifest>)
     if let Some(manifest) = manifest {
         let analysis = measure.begin(manifest, true)?;
         if kind == MeasureOf::Rows {
-            measure.place_in(&*analysis)?;
+            measure.in_rows_of(&*analysis)?;
         }
     }
     Ok(measure.name())
@@ -219,6 +250,7 @@ pub(crate) struct Measures {
     looking: Vec<Looking>,
     /// For each number which of these, its name there, and the word behind `@`.
     numbers: Vec<(usize, &'static str, Option<String>)>,
+    has_seen: bool,
 }
 
 impl Measures {
@@ -253,6 +285,7 @@ impl Measures {
     }
 
     pub(crate) fn observe(&mut self, frame: &Frame<'_>) {
+        self.has_seen = true;
         for looking in &mut self.looking {
             match looking {
                 Looking::Beside { offer, analysis, last } if !offer.needs.last_frame_only => {
@@ -263,8 +296,8 @@ impl Measures {
         }
     }
 
-    /// Ends after the frame `last`: a value for each number. One that is not finite does not exist. `standard` gives those of standard
-    /// analyses, by the analysis, the number and the word behind `@`.
+    /// Ends after the frame `last`: a value for each number. One that is not finite does not exist, nor does any without a frame. `standard`
+    /// gives those of standard analyses, by the analysis, the number and the word behind `@`.
     pub(crate) fn finish(
         mut self,
         last: &Frame<'_>,
@@ -281,6 +314,7 @@ impl Measures {
         let value = |(at, name, word): &(usize, &str, Option<String>)| -> Option<Number> {
             match &self.looking[*at] {
                 Looking::Standard(analysis) => standard(analysis, name, word.as_deref()),
+                Looking::Beside { .. } if !self.has_seen => None,
                 Looking::Beside { offer, analysis, last } => {
                     last.value(offer, &**analysis, name, word.as_deref())
                 }

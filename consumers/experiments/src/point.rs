@@ -22,7 +22,8 @@ pub(crate) struct PointAnalyses {
     pub(crate) leading: [Leading; 2],
     /// The numbers that the sweep asks for beside.
     measures: Measures,
-    measure_from_s: f64,
+    /// The first step that they look at.
+    measure_from: u64,
     /// The columns over time that it asks for.
     series: SeriesSums,
     /// The last state, `[u | v | extra]`, and its step.
@@ -54,8 +55,8 @@ impl PointAnalyses {
             leading: [Direction::Forward, Direction::Backward].map(Leading::new),
             measures: Measures::new(sweep.measure(), &Self::STANDARD, manifest)
                 .map_err(of(MeasureOf::Summary))?,
-            measure_from_s: sweep.measure_from_s(),
-            series: SeriesSums::new(sweep, manifest).map_err(of(MeasureOf::Rows))?,
+            measure_from: manifest.physics.step_at_or_after(sweep.measure_from_s()),
+            series: SeriesSums::new(sweep, manifest, &settings).map_err(of(MeasureOf::Rows))?,
             state: Vec::new(),
             step: 0,
         })
@@ -121,7 +122,7 @@ impl FrameSink for PointAnalyses {
         self.energies.observe(frame, &mut LastRow::default());
         self.pulses.observe(frame, &mut LastRow::default());
         self.take_pulses();
-        if frame.time_s >= self.measure_from_s {
+        if frame.step >= self.measure_from {
             self.measures.observe(frame);
         }
         self.series.observe(frame);

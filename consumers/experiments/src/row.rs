@@ -229,6 +229,9 @@ impl At {
 }
 
 /// Finds out until when the run up to `last_step` is determined; false if it was stopped.
+/// The reason why a run with baths is compared with no others.
+pub const OTHER_NOISE: &str = "a run with baths is not determined: steps of another length have other noise; compare seeds instead, or leave [[bath]] out";
+
 fn determine(
     results: &mut Results,
     sweep: &Sweep,
@@ -236,6 +239,10 @@ fn determine(
     last_step: u64,
     stop: &AtomicBool,
 ) -> bool {
+    if !manifest.physics.baths.is_empty() {
+        results.word(ERROR_COLUMN, OTHER_NOISE.to_owned());
+        return true;
+    }
     match compare(manifest, sweep.split_bead(), (last_step, TOLERANCE), stop, |_| ()) {
         Ok(compared) => {
             if let Some(outcome) = compared.determination.outcome() {
@@ -302,6 +309,8 @@ enum Settled {
     Stationary,
     /// A front has met an end of the chain before that, after which it is not looked at.
     MetEnd,
+    /// Energy was exchanged with the outside before that.
+    Exchanged,
 }
 
 impl Settled {
@@ -310,6 +319,7 @@ impl Settled {
         match self {
             Self::Stationary => "stationary",
             Self::MetEnd => "met end",
+            Self::Exchanged => "exchanged",
         }
     }
 }
@@ -345,7 +355,9 @@ impl<'a> Conduct<'a> {
         if reflection.met_end.is_some() {
             return Some(Settled::MetEnd);
         }
-        let since = reflection.stationary_since?;
+        let Some(since) = reflection.stationary_since else {
+            return reflection.exchanged.map(|_| Settled::Exchanged);
+        };
         (time_s - since.time_s >= wanted_s).then_some(Settled::Stationary)
     }
 }

@@ -3,8 +3,8 @@
 //! The row of a point has their means in intervals of time behind its other cells: for each interval the mean time of its frames and the
 //! mean of each column. Tables have a line for each interval instead.
 
-use crate::measures::{Measure, place_among};
-use consumers::analysis::{Analysis, LastRow};
+use crate::measures::{InRow, Measure, place_among};
+use consumers::analysis::{Analysis, LastRow, Number, Settings};
 use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{MeasureOf, Sweep};
 use schemas::frame::Frame;
@@ -34,19 +34,25 @@ pub(crate) fn columns(sweep: &Sweep) -> impl Iterator<Item = Column> {
 pub(crate) struct SeriesSums {
     /// Each analysis and place once.
     looking: Vec<Box<dyn Analysis>>,
-    /// For each column which of these, and the place in its rows.
-    columns: Vec<(usize, usize)>,
-    edges_s: Vec<f64>,
+    /// For each column which of these, and the way to its number.
+    columns: Vec<(usize, InRow)>,
+    /// The first step, and the last step of each interval.
+    first: u64,
+    ends: Vec<u64>,
     /// Number of frames, and sums of the time and of each column, in each interval.
     sums: Vec<(f64, Vec<f64>)>,
 }
 
 impl SeriesSums {
-    /// Begins to look at the run of `manifest`.
+    /// Begins to look at the run of `manifest`; energies without options have the settings `of_energies`.
     ///
     /// # Errors
     /// The place in the list and what is wrong with it.
-    pub(crate) fn new(sweep: &Sweep, manifest: &RunManifest) -> Result<Self, (usize, String)> {
+    pub(crate) fn new(
+        sweep: &Sweep,
+        manifest: &RunManifest,
+        of_energies: &Settings,
+    ) -> Result<Self, (usize, String)> {
         let mut found = Vec::new();
         let mut series = Self::default();
         for (i, text) in sweep.series().measure.iter().enumerate() {
@@ -54,33 +60,48 @@ impl SeriesSums {
             let measure = Measure::parse(MeasureOf::Rows, text).map_err(wrong)?;
             let (at, is_new) = place_among(&mut found, measure.key());
             if is_new {
-                series.looking.push(measure.begin(manifest, false).map_err(wrong)?);
+                let is_standard =
+                    measure.offer.name == analyses::energies::OFFER.name && measure.has_no_options();
+                let begun = if is_standard {
+                    measure.begin_with(of_energies, manifest, false)
+                } else {
+                    measure.begin(manifest, false)
+                };
+                series.looking.push(begun.map_err(wrong)?);
             }
-            let names = measure.offer.published(&*series.looking[at]).map(|published| published.names);
-            let place = names.and_then(|names| names.split(',').position(|name| name == measure.number.name));
-            let place =
-                place.ok_or_else(|| wrong(format!("found {text}; allowed: columns that this run has")))?;
+            let place = measure.in_rows_of(&*series.looking[at]).map_err(wrong)?;
             series.columns.push((at, place));
         }
-        series.edges_s = sweep.series_edges_s(manifest).map_err(|why| (0, why))?;
-        let intervals = series.edges_s.len().saturating_sub(1);
-        series.sums = vec![(0.0, vec![0.0; series.columns.len() + 1]); intervals];
+        let edges_s = sweep.series_edges_s(manifest).map_err(|why| (0, why))?;
+        // times that people write are those of steps
+        let physics = &manifest.physics;
+        series.first = edges_s.first().map_or(0, |edge_s| physics.step_at_or_after(*edge_s));
+        series.ends = edges_s.iter().skip(1).map(|edge_s| physics.step_at_or_before(*edge_s)).collect();
+        series.sums = vec![(0.0, vec![0.0; series.columns.len() + 1]); series.ends.len()];
         Ok(series)
     }
 
     pub(crate) fn observe(&mut self, frame: &Frame<'_>) {
-        let is_first = self.edges_s.first() == Some(&frame.time_s);
-        let end = self.edges_s.partition_point(|edge_s| *edge_s < frame.time_s);
-        let interval = if is_first { Some(0) } else { end.checked_sub(1) };
+        let interval = self.ends.partition_point(|end| *end < frame.step);
         let rows = self.looking.iter_mut().map(|analysis| {
             let mut row = LastRow::default();
             analysis.observe(frame, &mut row);
             row
         });
         let rows: Vec<LastRow> = rows.collect();
-        let Some((count, sums)) = interval.and_then(|interval| self.sums.get_mut(interval)) else { return };
-        let value = |(at, place): &(usize, usize)| {
-            rows[*at].values().and_then(|row| row.numbers().get(*place).copied()).unwrap_or(f64::NAN)
+        if frame.step < self.first {
+            return;
+        }
+        let Some((count, sums)) = self.sums.get_mut(interval) else { return };
+        let value = |(at, way): &(usize, InRow)| {
+            let found = match way {
+                InRow::Place(place) => rows[*at].values().and_then(|row| row.numbers().get(*place).copied()),
+                InRow::Number(name) => self.looking[*at].value(name, None).map(|number| match number {
+                    Number::Count(count) => count as f64,
+                    Number::Double(value) => value,
+                }),
+            };
+            found.unwrap_or(f64::NAN)
         };
         let values = [frame.time_s].into_iter().chain(self.columns.iter().map(value));
         *count += 1.0;

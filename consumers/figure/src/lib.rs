@@ -50,6 +50,7 @@ mod panel;
 mod path;
 mod pdf;
 mod picture;
+mod prefixes;
 mod raster;
 mod reel;
 mod scale;

@@ -96,20 +96,20 @@ impl Raster {
     pub fn values(
         width: u32,
         height: u32,
-        values: &[Option<f32>],
+        values: &[Option<impl Into<f64> + Copy>],
         scale: ColourScale,
     ) -> Result<Self, FigureError> {
         /// Colours of each sign; with white and grey they fill a palette of bytes.
         const SHADES: u8 = 127;
         const NOTHING: u8 = 2 * SHADES + 1;
         check_length(width, height, 1, values.len())?;
-        let cell = |value: &Option<f32>| {
-            let shade = value.map(|value| scale.shade(f64::from(value)) * f64::from(SHADES));
+        let cell = |value: Option<f64>| {
+            let shade = value.map(|value| scale.shade(value) * f64::from(SHADES));
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 254")]
             let cell = |shade: f64| (shade + f64::from(SHADES)).round() as u8;
             shade.map_or(NOTHING, cell)
         };
-        let cells: Vec<u8> = values.iter().map(cell).collect();
+        let cells: Vec<u8> = values.iter().map(|value| cell(value.map(Into::into))).collect();
         let shades = (0..NOTHING).map(|cell| diverging(f64::from(cell) / f64::from(SHADES) - 1.0));
         let mut classes: Vec<_> = shades.map(|colour| (String::new(), colour)).collect();
         if cells.contains(&NOTHING) {

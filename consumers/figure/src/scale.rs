@@ -1,6 +1,7 @@
 //! The range of an axis, and where values lie on it.
 
 use super::axis::Axis;
+use super::prefixes::takes_prefix;
 
 /// Values beyond this do not count for a range, nor those below its inverse on a logarithmic axis: what
 /// is computed from them would overflow.
@@ -24,12 +25,15 @@ pub(super) struct Scale {
     pub(super) to: f64,
     pub(super) log: bool,
     reversed: bool,
+    /// True if the unit on the axis can have a prefix, which makes numbers short.
+    pub(super) takes_prefix: bool,
 }
 
 impl Scale {
     /// The axis' own limits, or the extent of `values` with some room.
     pub(super) fn new(axis: &Axis, values: impl Iterator<Item = f64>, room: Margin) -> Self {
-        let scale = |from, to| Self { from, to, log: axis.log, reversed: axis.reversed };
+        let takes_prefix = takes_prefix(&axis.label);
+        let scale = |from, to| Self { from, to, log: axis.log, reversed: axis.reversed, takes_prefix };
         if let Some((a, b)) = axis.limits {
             let usable = scale(a, b);
             if a != b && usable.holds(a) && usable.holds(b) {
@@ -74,8 +78,11 @@ impl Scale {
         if !value.is_finite() || (self.log && value <= 0.0) {
             return None;
         }
-        let fraction = if self.log {
+        let fraction = if self.log && (self.to / self.from).log10() < 300.0 {
             (value / self.from).log10() / (self.to / self.from).log10()
+        } else if self.log {
+            // ratios may leave the range of doubles
+            (value.log10() - self.from.log10()) / (self.to.log10() - self.from.log10())
         } else {
             (value - self.from) / (self.to - self.from)
         };
@@ -134,7 +141,7 @@ impl RoundStep {
 
     /// Decimals that a multiple needs when written in units of 10^exponent.
     pub(super) fn decimals(self, exponent: i32) -> usize {
-        usize::try_from(exponent - self.power).unwrap_or(0).min(12)
+        usize::try_from(exponent - self.power).unwrap_or(0).min(15)
     }
 
     /// Parts into which minor ticks divide the step.

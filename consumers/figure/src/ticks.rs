@@ -1,5 +1,6 @@
 //! The round numbers that are written along an axis.
 
+use super::prefixes::with_prefix;
 use super::scale::{RoundStep, Scale, power_of_ten};
 
 /// Ticks and numbers along an axis; places are fractions of its length, from the left or the bottom.
@@ -39,7 +40,8 @@ impl Scale {
     fn exponent(&self) -> i32 {
         let largest = self.from.abs().max(self.to.abs());
         let usual_step = RoundStep::near((self.to - self.from) / 4.0);
-        if largest < 1e5 && usual_step.decimals(0) <= 2 {
+        let most = if self.takes_prefix { 2e4 } else { 1e5 };
+        if largest < most && usual_step.decimals(0) <= 2 {
             return 0;
         }
         // At most ±290.
@@ -154,26 +156,6 @@ pub(super) fn power_label(negative: bool, power: i32) -> String {
     format!("{}10{}", if negative { "−" } else { "" }, raised(power))
 }
 
-/// A unit made 10^`exponent` times as large by its prefix, if it has one of SI and its first part is not raised to a
-/// power.
-fn with_prefix(unit: &str, exponent: i32) -> Option<String> {
-    const PREFIXES: [(&str, i32); 9] =
-        [("", 0), ("f", -15), ("p", -12), ("n", -9), ("µ", -6), ("m", -3), ("k", 3), ("M", 6), ("G", 9)];
-    const UNITS: [&str; 7] = ["m", "s", "g", "N", "J", "Pa", "Hz"];
-    let length = unit.find(|character: char| !character.is_alphabetic()).unwrap_or(unit.len());
-    let (first, rest) = unit.split_at(length);
-    if rest.starts_with(['^', '²', '³', '⁻']) {
-        return None;
-    }
-    let known = |(prefix, power): &(&str, i32)| {
-        let base = first.strip_prefix(prefix).filter(|base| UNITS.contains(base))?;
-        Some((base, *power))
-    };
-    let (base, old) = PREFIXES.iter().find_map(known)?;
-    let (prefix, _) = PREFIXES.iter().find(|(_, power)| *power == old + exponent)?;
-    Some(format!("{prefix}{base}{rest}"))
-}
-
 /// An integer in superscript.
 fn raised(number: i32) -> String {
     let raise = |digit| match digit {
@@ -249,6 +231,16 @@ mod tests {
         assert_eq!(ticks.major[2].1, "2");
         assert_eq!(label_with_factor("u (%)", -6), "u (10⁻⁶\u{a0}%)");
         assert_eq!(label_with_factor("step", 3), "step (10³)");
+    }
+
+    #[test]
+    fn thousands_of_a_unit_have_a_prefix_before_those_of_a_count() {
+        let exponent = |label: &str| {
+            Scale::new(&Axis::new(label).limits(0.0, 6e4), std::iter::empty(), Margin::Nothing)
+                .ticks(4)
+                .exponent
+        };
+        assert_eq!(["time (ms)", "frequency (Hz)", "bead", "speed (beads/s)"].map(exponent), [3, 3, 0, 0]);
     }
 
     #[test]

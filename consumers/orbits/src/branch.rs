@@ -92,8 +92,10 @@ const LONGEST: f64 = 2.5;
 const FEW: usize = 4;
 /// Least cosine of the angle between the directions of orbits beside each other.
 const STRAIGHT: f64 = 0.95;
+/// Distance from the unit circle of a multiplier that passes through it, at most.
+const ON_PASSING: f64 = 1e-4;
 /// Looks for the place of a change of stability.
-const LOOKS: usize = 24;
+const LOOKS: usize = 64;
 
 impl Step {
     /// True if the branch goes the other way along its parameter at `next`.
@@ -147,7 +149,7 @@ impl Search<'_> {
             }
             step.clone()
         } else {
-            let found = self.newton.find(&self.start, None)?;
+            let found = self.near_seed()?;
             let mut forward = vec![0.0; self.newton.coordinates.count() + 2];
             if let Some(last) = forward.last_mut() {
                 *last = (stretch.to - stretch.from).signum();
@@ -212,20 +214,26 @@ impl Search<'_> {
         let newton = &self.newton;
         let from = newton.numbers(&at.unknown);
         let through: Vec<f64> = from.iter().zip(&at.direction).map(|(x, d)| x + length * d).collect();
-        let guess = self.unknown_near(&at.unknown, &from, &through)?;
-        let plane = Plane { normal: at.direction.clone(), through };
-        let found = newton.find(&guess, Some(&plane))?;
-        let parameter = found.unknown.parameter;
-        let beyond =
-            |limit: f64, sign: f64| (parameter - limit) * (stretch.to - stretch.from).signum() * sign >= 0.0;
         let number = at.number + 1;
-        for (limit, sign) in [(stretch.to, 1.0), (stretch.from, -1.0)] {
-            if beyond(limit, sign) {
-                let guess = self.between(&at.unknown, &found.unknown, limit)?;
-                let found = newton.find(&guess, None)?;
-                let step = Step { unknown: found.unknown.clone(), number, is_last: true, ..at.clone() };
-                return Ok(Some((step, found)));
-            }
+        let last_towards = |to: &[f64]| {
+            let way = (stretch.to - stretch.from).signum();
+            let parameter = to[to.len() - 1] * newton.units[1];
+            let is_passed = |(limit, sign): &(f64, f64)| (parameter - limit) * way * sign >= 0.0;
+            let (limit, _) = [(stretch.to, 1.0), (stretch.from, -1.0)].into_iter().find(is_passed)?;
+            let found = self.between(&at.unknown, to, limit).and_then(|guess| newton.find(&guess, None));
+            let step = |unknown| Step { unknown, number, is_last: true, ..at.clone() };
+            Some(found.map(|found| Some((step(found.unknown.clone()), found))))
+        };
+        let plane = Plane { normal: at.direction.clone(), through };
+        let guess = self.unknown_near(&at.unknown, &from, &plane.through);
+        let found = match guess.and_then(|guess| newton.find(&guess, Some(&plane))) {
+            Ok(found) => found,
+            // chains may end where the branch does
+            Err(why @ NoOrbit::Config(_)) => return last_towards(&plane.through).unwrap_or(Err(why)),
+            Err(why) => return Err(why),
+        };
+        if let Some(last) = last_towards(&newton.numbers(&found.unknown)) {
+            return last;
         }
         let direction = newton.direction(&found, &at.direction)?;
         let cosine: f64 = direction.iter().zip(&at.direction).map(|(a, b)| a * b).sum();
@@ -255,11 +263,12 @@ impl Search<'_> {
         Ok(next)
     }
 
-    /// A guess of the orbit at `parameter`, between those two.
-    fn between(&self, one: &Unknown, other: &Unknown, parameter: f64) -> Result<Unknown, NoOrbit> {
-        let part = (parameter - one.parameter) / (other.parameter - one.parameter);
-        let (from, to) = (self.newton.numbers(one), self.newton.numbers(other));
-        let at: Vec<f64> = from.iter().zip(&to).map(|(a, b)| a + part * (b - a)).collect();
+    /// A guess of the orbit at `parameter`, between `one` and that of the numbers `to`.
+    fn between(&self, one: &Unknown, to: &[f64], parameter: f64) -> Result<Unknown, NoOrbit> {
+        let from = self.newton.numbers(one);
+        let place = from.len() - 1;
+        let part = (parameter / self.newton.units[1] - from[place]) / (to[place] - from[place]);
+        let at: Vec<f64> = from.iter().zip(to).map(|(a, b)| a + part * (b - a)).collect();
         Ok(Unknown { parameter, ..self.unknown_near(one, &from, &at)? })
     }
 
@@ -282,12 +291,13 @@ impl Search<'_> {
         let length = norm(&difference);
         let normal: Vec<f64> = difference.iter().map(|x| x / length).collect();
         let mut ends = [(0.0, test(one), one.clone()), (1.0, test(other), other.clone())];
-        let is_located = ends[0].1.zip(ends[1].1).is_some_and(|(a, b)| a.signum() != b.signum());
+        let mut is_located = ends[0].1.zip(ends[1].1).is_some_and(|(a, b)| a.signum() != b.signum());
         let name = if turns && kind == Instability::Real { "fold" } else { kind.as_str() };
         for look in 0..if is_located { LOOKS } else { 0 } {
             let [(a, Some(at_a), _), (b, Some(at_b), _)] = &ends else { break };
-            // the secant, and the middle each third time, which always shortens the interval
-            let part = if look % 3 == 2 { 0.5 * (a + b) } else { a - at_a * (b - a) / (at_b - at_a) };
+            // the secant, and the middle each third time and in the end, which always shortens the interval
+            let is_middle = look % 3 == 2 || look > LOOKS / 2;
+            let part = if is_middle { 0.5 * (a + b) } else { a - at_a * (b - a) / (at_b - at_a) };
             let through: Vec<f64> = from.iter().zip(&difference).map(|(x, d)| x + part * d).collect();
             let guess = self.unknown_near(&one.unknown, &from, &through)?;
             let plane = Plane { normal: normal.clone(), through };
@@ -308,6 +318,8 @@ impl Search<'_> {
             (one.size() - 1.0).abs() + 0.1 * (one.angle_rad().abs() - multiplier.angle_rad().abs()).abs()
         };
         let multiplier = near.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(multiplier);
+        // where multipliers change places, the one that was looked at jumps
+        is_located &= (multiplier.size() - 1.0).abs() < ON_PASSING;
         Ok(Some(Change { name, orbit, multiplier, begins, is_located, along: normal }))
     }
 }

@@ -14,7 +14,20 @@ const MOST_STEPS: usize = 90;
 const CIRCLE: usize = 10;
 
 /// The real and imaginary parts of all eigenvalues of `matrix`, in no order; none if the steps do not end.
-pub(crate) fn eigenvalues(matrix: DMatrix<f64>) -> Option<Vec<[f64; 2]>> {
+pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Option<Vec<[f64; 2]>> {
+    // steps that go round in a circle leave it after a change in the last place, which is what the matrix is known to
+    let place = f64::EPSILON * matrix.norm() / matrix.nrows() as f64;
+    let changed = |row: usize, column: usize| ((7 * row + 13 * column) % 11) as f64 - 5.0;
+    let tried = |attempt: u32| {
+        let size = f64::from(attempt) * place;
+        by_steps(DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |row, column| {
+            matrix[(row, column)] + size * changed(row, column)
+        }))
+    };
+    (0..4).find_map(tried)
+}
+
+fn by_steps(matrix: DMatrix<f64>) -> Option<Vec<[f64; 2]>> {
     let mut found = Vec::with_capacity(matrix.nrows());
     let mut end = matrix.nrows();
     let hessenberg = if end > 2 { matrix.hessenberg().unpack_h() } else { matrix };
@@ -173,7 +186,7 @@ impl Part {
 mod tests {
     use super::*;
 
-    fn found(matrix: DMatrix<f64>) -> Vec<[f64; 2]> {
+    fn found(matrix: &DMatrix<f64>) -> Vec<[f64; 2]> {
         let mut found = eigenvalues(matrix).expect("an end");
         found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         found
@@ -211,7 +224,7 @@ mod tests {
             .flat_map(|[re, im]| if *im == 0.0 { vec![[*re, 0.0]] } else { vec![[*re, -im], [*re, *im]] });
         let mut expected: Vec<_> = pairs.collect();
         expected.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        for (found, expected) in found(with(&blocks)).iter().zip(&expected) {
+        for (found, expected) in found(&with(&blocks)).iter().zip(&expected) {
             let error = (found[0] - expected[0]).hypot(found[1] - expected[1]);
             assert!(error < 1e-11, "{found:?} for {expected:?}");
         }
@@ -221,10 +234,10 @@ mod tests {
     fn permutations_and_defective_matrices_have_an_end() {
         for count in [1, 2, 3, 7, 40] {
             let turns = DMatrix::from_fn(count, count, |i, j| f64::from(u8::from(i == (j + 1) % count)));
-            assert!(found(turns).iter().all(|[re, im]| (re.hypot(*im) - 1.0).abs() < 1e-12), "{count}");
+            assert!(found(&turns).iter().all(|[re, im]| (re.hypot(*im) - 1.0).abs() < 1e-12), "{count}");
             let defective =
                 DMatrix::from_fn(count, count, |i, j| if i == j || j == i + 1 { 1.0 } else { 0.0 });
-            assert!(found(defective).iter().all(|one| *one == [1.0, 0.0]), "{count}");
+            assert!(found(&defective).iter().all(|one| *one == [1.0, 0.0]), "{count}");
         }
     }
 }

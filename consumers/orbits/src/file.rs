@@ -19,7 +19,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use toml::{Table, Value};
-use waves::linear::LinearChain;
+use waves::linear::{LinearChain, check_beads_are_free};
 use waves::modes::Modes;
 
 /// A configuration with everything in it that it only names, looked for beside a file.
@@ -132,11 +132,13 @@ impl File {
             if follow.is_some() {
                 return Err(refused("continue", "[grid] beside it", "one of the two"));
             }
+            let number = |value: &Value| value.as_float().or(value.as_integer().map(|whole| whole as f64));
+            let end = axes[1].values.last().and_then(|(value, _)| number(value));
             let line = |changed: Table, key: &KeyPath, from: f64| {
+                let to = end.unwrap_or(from);
                 let written = Written::in_document(&changed)?;
                 let (name, step, most) = (key.to_string(), usual_step(), usual_most());
-                let follow =
-                    Continue { key: name, from, to: from, step, most, branches: false, spectra: None };
+                let follow = Continue { key: name, from, to, step, most, branches: false, spectra: None };
                 Self::of((path, changed, written), Some((key.clone(), follow)), prepare)
             };
             let grid = Grid::of(&axes, &document, line)?;
@@ -155,7 +157,7 @@ impl File {
         let mut file = Self { path, document, written, follow, seed, mode_period_s: None, grid: None };
         file.check()?;
         file.find_seed(prepare)?;
-        file.problem(file.from())?;
+        file.check_key(&file.problem(file.from())?)?;
         file.asked_spectra().map_or(Ok(()), |asked| asked.check(&file))?;
         Ok(file)
     }
@@ -240,31 +242,33 @@ impl File {
                 |why: String| ConfigError { path: None, line: None, key: follow.key.clone(), message: why };
             key.set(&mut document, Value::Float(parameter)).map_err(refuse)?;
         }
-        let written = Written::in_document(&document)?;
-        for table in TABLES.into_iter().chain(["initial", "striker", "time"]) {
+        let written = Written::in_document(&document).map_err(|error| match &self.follow {
+            Some((_, follow)) => refused(
+                &follow.key,
+                &parameter.to_string(),
+                "a key that takes every number: a branch, or a line of a map, goes through those in between",
+            ),
+            None => error,
+        })?;
+        for table in TABLES.into_iter().chain(["initial", "striker"]) {
             document.remove(table);
         }
-        // the time of a run decides nothing here but the step
-        let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
+        give_duration(&mut document);
         let seed = Value::try_from(&self.seed).unwrap_or_else(|_| Value::Table(Table::new()));
-        document.extend([("time".to_owned(), Value::Table(time)), ("initial".to_owned(), seed)]);
+        document.extend([("initial".to_owned(), seed)]);
         let mut config = RunConfig::from_table(&document)?;
-        let period_s = self.period_s(&config, &written)?;
-        config.time = TimeConfig { duration_s: period_s, dt_s: self.dt_s() };
+        config.time.duration_s = self.period_s(&config, &written)?;
         Ok((config, written))
-    }
-
-    /// The time step (s) that the file gives.
-    fn dt_s(&self) -> Option<f64> {
-        self.document.get("time")?.get("dt_s")?.as_float()
     }
 
     /// The period (s), or a first guess of it.
     fn period_s(&self, config: &RunConfig, written: &Written) -> Result<f64, ConfigError> {
         let key = "orbit.period_s";
         if config.drive.is_empty() {
-            let allowed = "a period, or a first guess of it beside orbit.energy_j or orbit.amplitude_m, or a mode as the seed (orbit.mode)";
-            return written.period_s.or(self.mode_period_s).ok_or_else(|| refused(key, "nothing", allowed));
+            let allowed = "a period; or orbit.energy_j or orbit.amplitude_m beside a first guess of it, or beside a mode as the seed (orbit.mode)";
+            let is_asked = written.energy_j.is_some() || written.amplitude_m.is_some();
+            let of_mode = self.mode_period_s.filter(|_| is_asked);
+            return written.period_s.or(of_mode).ok_or_else(|| refused(key, "nothing", allowed));
         }
         if let Some(period_s) = written.period_s {
             return Err(refused(
@@ -306,7 +310,9 @@ impl File {
         for (name, number) in numbers {
             let is_possible = |x: f64| x.is_finite() && (x > 0.0 || name == "amplitude_m" && x != 0.0);
             if let Some(number) = number.filter(|number| !is_possible(*number)) {
-                return Err(refused(&format!("orbit.{name}"), &number.to_string(), "a number above 0"));
+                let allowed =
+                    if name == "amplitude_m" { "a number other than 0" } else { "a number above 0" };
+                return Err(refused(&format!("orbit.{name}"), &number.to_string(), allowed));
             }
         }
         for (name, count, most) in
@@ -317,15 +323,40 @@ impl File {
                 return Err(refused(&format!("orbit.{name}"), &count.to_string(), &allowed));
             }
         }
+        let parts = 2 * segments.unwrap_or(1);
+        if let Some(steps) = steps.filter(|steps| !steps.is_multiple_of(parts)) {
+            let allowed = format!("a multiple of {parts}: twice the segments");
+            return Err(refused("orbit.steps", &steps.to_string(), &allowed));
+        }
+        if let Some(periods) = periods.filter(|_| !self.document.contains_key("drive")) {
+            return Err(refused(
+                "orbit.periods",
+                &periods.to_string(),
+                "nothing without [[drive]], whose periods they are",
+            ));
+        }
         Ok(())
+    }
+
+    /// Refuses a key that changes nothing: the seed and the steps are those of the first orbit, which is `first`.
+    fn check_key(&self, first: &Problem) -> Result<(), ConfigError> {
+        let Some((_, Continue { key, from, to, .. })) = &self.follow else { return Ok(()) };
+        // a branch may begin where there is no chain at its end
+        let Ok(Problem { physics, asked }) = self.problem(*to) else { return Ok(()) };
+        let Physics { dt_s, step_count, .. } = first.physics;
+        if asked != first.asked || (Physics { dt_s, step_count, ..physics }) != first.physics {
+            return Ok(());
+        }
+        let allowed = "a key that changes the chain, its drives, or what is asked for (orbit.energy_j, orbit.amplitude_m, or else \
+                       orbit.period_s): the seed, the first guess of the period and the steps are those of the first orbit";
+        Err(refused(key, &format!("no effect from {from:?} to {to:?}"), allowed))
     }
 
     /// Finds the seed: a mode, or the initial state of the configuration.
     fn find_seed(&mut self, prepare: Prepare) -> Result<(), ConfigError> {
         let mut document = self.document.clone();
         document.retain(|table, _| !TABLES.contains(&table));
-        let time = Table::from_iter([("duration_s".to_owned(), Value::Float(1.0))]);
-        document.entry("time").or_insert(Value::Table(time));
+        give_duration(&mut document);
         // the line is that of the key in the file
         let unplaced = |error: ConfigError| ConfigError { line: None, ..error };
         let config =
@@ -357,8 +388,9 @@ impl File {
         config.initial = Initial { displacements_m: overlaps.collect(), ..Initial::default() };
         let refuse =
             |why: String| ConfigError { path: None, line: None, key: "orbit.mode".to_owned(), message: why };
-        let linear = LinearChain::of(&Physics::resolve(&config)?.chain())
-            .map_err(|error| refuse(error.to_string()))?;
+        let physics = Physics::resolve(&config)?;
+        check_beads_are_free(&physics).map_err(&refuse)?;
+        let linear = LinearChain::of(&physics.chain()).map_err(|error| refuse(error.to_string()))?;
         let modes = Modes::of(&linear).map_err(|error| refuse(error.to_string()))?;
         let place = usize::try_from(mode.number).ok().and_then(|number| number.checked_sub(1));
         let Some(place) = place.filter(|place| *place < modes.count()) else {
@@ -398,6 +430,13 @@ impl Continue {
     }
 }
 
+/// Gives the run of a file a duration that decides nothing, where the file has none.
+fn give_duration(document: &mut Table) {
+    if let Value::Table(time) = document.entry("time").or_insert_with(|| Value::Table(Table::new())) {
+        time.entry("duration_s").or_insert(Value::Float(1.0));
+    }
+}
+
 fn refused(key: &str, found: &str, allowed: &str) -> ConfigError {
     ConfigError::value(key, found, allowed)
 }
@@ -414,6 +453,7 @@ struct Tables {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Search;
 
     fn read(text: &str) -> Result<File, ConfigError> {
         File::read(Path::new("orbit.toml"), text, |config, _| Ok(config))
@@ -444,6 +484,10 @@ mod tests {
             ),
             (format!("{RING}[orbit]\nsegments = 0\n"), "orbit.toml:4: orbit.segments"),
             (
+                format!("{RING}[orbit]\nmode = {{ number = 1, displacement_m = 1.0 }}\n[time]\ndt_s = -1\n"),
+                "orbit.toml:6: time.dt_s",
+            ),
+            (
                 RING.replace("beads = 16", "beads = 1")
                     + "[orbit]\nmode = { number = 1, displacement_m = 1.0 }\n",
                 "orbit.toml:1: chain.beads",
@@ -451,6 +495,56 @@ mod tests {
         ] {
             let Err(error) = read(&text) else { unreachable!("{text}") };
             assert!(error.to_string().starts_with(expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_key_that_changes_nothing_is_refused() {
+        let energy = "[orbit]\nenergy_j = 0.1\nmode = { number = 16, displacement_m = 0.05 }\n";
+        let period = "[orbit]\nperiod_s = 3.0\nmode = { number = 16, displacement_m = 0.05 }\n";
+        for (orbit, key, from, to, has_effect) in [
+            (energy, "orbit.energy_j", 0.04, 0.05, true),
+            (energy, "chain.bonds.cubic", 0.5, 1.5, true),
+            (energy, "orbit.mode.displacement_m", 0.04, 0.05, false),
+            (energy, "orbit.period_s", 3.0, 3.5, false),
+            (energy, "orbit.amplitude_m", 0.04, 0.05, false),
+            (energy, "striker.velocity_m_s", 0.04, 0.05, false),
+            (energy, "time.dt_s", 0.01, 0.02, false),
+            (period, "orbit.period_s", 3.0, 3.5, true),
+            (period, "orbit.mode.displacement_m", 0.04, 0.05, false),
+        ] {
+            let told = |more: &str| {
+                read(&format!("{RING}{orbit}{more}")).err().map_or(String::new(), |error| error.to_string())
+            };
+            let is_told = |told: String| {
+                let expected = format!("{key}: found no effect from {from:?} to {to:?}");
+                assert!(if has_effect { told.is_empty() } else { told.contains(&expected) }, "{key}: {told}");
+            };
+            is_told(told(&format!("[continue]\nkey = '{key}'\nfrom = {from:?}\nto = {to:?}\n")));
+            if has_effect || key.starts_with("orbit.mode") {
+                is_told(told(&format!(
+                    "[grid]\n'chain.bonds.linear' = [1.0, 2.0]\n'{key}' = [{from:?}, {to:?}]\n"
+                )));
+            }
+        }
+    }
+
+    /// Two beads that swing against each other with ω² = 3, any number of times.
+    #[test]
+    fn an_orbit_that_is_run_through_several_times_is_refused() {
+        let stop = AtomicBool::new(false);
+        for times in [1, 2, 3, 5, 7, 11, 13] {
+            let period_s = 3.6276 * f64::from(times);
+            let file = read(&format!(
+                "chain = {{ beads = 2, bead_mass_kg = 1.0, bonds = {{ linear = 1.0, cubic = 1.0 }} }}\n\
+                 ends = {{ left = 'fixed', right = 'fixed' }}\ninitial = {{ displacements_m = [0.001, -0.001] }}\n\
+                 orbit = {{ amplitude_m = 0.001, period_s = {period_s:?} }}\n"
+            ))
+            .expect("valid");
+            let family = |parameter: f64| file.problem(parameter);
+            let search = Search::begin(&family, file.from(), file.options(), &stop).expect("a seed");
+            let told = search.find().err().map_or(String::new(), |why| why.to_string());
+            assert_eq!(told.contains("comes back after"), times > 1, "{times}: {told}");
         }
     }
 }

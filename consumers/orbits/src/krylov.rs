@@ -154,7 +154,7 @@ fn ritz(columns: &[Vec<f64>]) -> Option<Vec<Ritz>> {
     let count = columns.len();
     let square =
         DMatrix::from_fn(count, count, |row, column| columns[column].get(row).copied().unwrap_or(0.0));
-    let values = eigenvalues(square.clone())?;
+    let values = eigenvalues(&square)?;
     let residual = |value: Complex<f64>| {
         // the parts of its vector from the last one up: each row has one more
         let mut vector = vec![Complex::new(0.0, 0.0); count];

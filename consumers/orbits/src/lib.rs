@@ -92,6 +92,8 @@ pub struct Orbit {
     pub returns: f64,
     /// The bead whose displacement at the beginning was asked for, if one was.
     pub asked_bead: Option<usize>,
+    /// Beads by which the state is further on after the period.
+    pub shift_beads: u64,
 }
 
 impl Orbit {
@@ -131,6 +133,12 @@ impl<'a> Search<'a> {
             return Err(NoOrbit::Chain("baths shake the chain, and nothing comes back: leave [[bath]] out"));
         }
         let is_driven = !physics.drives.is_empty();
+        if options.shift_beads > 0 && (is_driven || !is_alike(&chain, options.shift_beads)) {
+            return Err(NoOrbit::Chain(
+                "orbit.shift_beads: the chain is not the same so many beads further; beads, contacts and sites have to repeat, without a \
+                 [[drive]]: leave it out",
+            ));
+        }
         let is_conservative = chain.damping.is_none() && !physics.has_drag();
         if !is_driven && !is_conservative {
             return Err(NoOrbit::Chain(
@@ -178,7 +186,7 @@ impl<'a> Search<'a> {
                 return Err(NoOrbit::Chain("the seed is at rest: give [initial], a striker, or orbit.mode"));
             }
         }
-        let largest = (0..begun.u_m.len()).max_by(|a, b| begun.u_m[*a].abs().total_cmp(&begun.u_m[*b].abs()));
+        let bead = most_displaced(&begun.u_m, &asked)?;
         let symmetries = usize::from(!is_driven) + usize::from(is_loose(&physics, &chain, shift_beads));
         points.resize(usize::try_from(segments).unwrap_or(1), Vec::new());
         let mut start = Unknown { points, dt_s: physics.dt_s, parameter };
@@ -199,7 +207,7 @@ impl<'a> Search<'a> {
             shift_beads,
             stop,
             symmetries: symmetries - usize::from(turns),
-            bead: largest.unwrap_or(0),
+            bead,
             units: [physics.dt_s, if parameter == 0.0 { 1.0 } else { parameter.abs() }],
         };
         newton.flow(&mut start)?;
@@ -212,7 +220,18 @@ impl<'a> Search<'a> {
     /// # Errors
     /// When there is none.
     pub fn find(&self) -> Result<Orbit, NoOrbit> {
-        self.orbit(self.newton.find(&self.start, None)?)
+        self.orbit(self.near_seed()?)
+    }
+
+    /// The orbit near the seed, over a period that is no multiple of its own.
+    fn near_seed(&self) -> Result<Found, NoOrbit> {
+        let found = self.newton.find(&self.start, None)?;
+        if self.newton.is_repeated(&found.unknown)? {
+            let why = "Newton's method came to an orbit that comes back after a part of the period already; begin with a smaller \
+                       amplitude, or give a first guess of the period (orbit.period_s)";
+            return Err(NoOrbit::Chain(why));
+        }
+        Ok(found)
     }
 
     /// The orbit that has been found.
@@ -224,7 +243,7 @@ impl<'a> Search<'a> {
         }
         let problem = (self.newton.family)(unknown.parameter)?;
         let asked_bead = matches!(problem.asked, Asked::AmplitudeM(_)).then_some(self.newton.bead);
-        let multipliers = if let Some(monodromy) = monodromy {
+        let multipliers = if let Some(monodromy) = &monodromy {
             Multipliers::of(monodromy, self.trivial, self.is_conservative)
         } else {
             let found = self.newton.largest(&unknown)?;
@@ -236,8 +255,62 @@ impl<'a> Search<'a> {
         let state = self.newton.state(&problem, &unknown);
         let physics = Physics { dt_s: unknown.dt_s, step_count: self.newton.steps, ..problem.physics };
         let returns = self.newton.returns(&unknown)?;
-        Ok(Orbit { physics, state, unknown, multipliers, energy_j, residuals, returns, asked_bead })
+        let shift_beads = self.newton.shift_beads;
+        Ok(Orbit {
+            physics,
+            state,
+            unknown,
+            multipliers,
+            energy_j,
+            residuals,
+            returns,
+            asked_bead,
+            shift_beads,
+        })
     }
+}
+
+/// The bead that `u_m` displaces most, of those that do so equally one with the sign of the amplitude that is asked for.
+fn most_displaced(u_m: &[f64], asked: &Asked) -> Result<usize, NoOrbit> {
+    let sign = if let Asked::AmplitudeM(amplitude_m) = asked { amplitude_m.signum() } else { 1.0 };
+    let most = u_m.iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+    let mut equal = (0..u_m.len()).filter(|bead| u_m[*bead].abs() >= most * (1.0 - 1e-9));
+    let bead = equal.clone().find(|bead| u_m[*bead] * sign > 0.0).or_else(|| equal.next()).unwrap_or(0);
+    match asked {
+        Asked::AmplitudeM(amplitude_m) if u_m[bead] * sign < 0.0 => {
+            let allowed = format!(
+                "a number of the sign of the seed, which displaces bead {bead} most, by {} m",
+                u_m[bead]
+            );
+            Err(schemas::config::ConfigError::value("orbit.amplitude_m", amplitude_m.to_string(), &allowed)
+                .into())
+        }
+        _ => Ok(bead),
+    }
+}
+
+/// True if each bead of `chain`, with its contact on the right, is like that so many beads further on, where there is one.
+fn is_alike(chain: &Chain, shift_beads: u64) -> bool {
+    let (beads, shift) = (chain.bead_count(), usize::try_from(shift_beads).unwrap_or(usize::MAX));
+    let repeats = |values: &[f64], closing: Option<f64>| {
+        let values: Vec<f64> = values.iter().copied().chain(closing.filter(|_| chain.is_ring)).collect();
+        let last = if chain.is_ring { values.len() } else { values.len().saturating_sub(shift) };
+        (0..last).all(|at| values[at] == values[(at + shift % beads) % values.len()])
+    };
+    let seam = &chain.walls.left;
+    let sites = &chain.sites;
+    let of_beads = [
+        &chain.mass_kg,
+        &sites.linear_n_per_m,
+        &sites.cubic_n_per_m3,
+        &sites.drag_n_s_per_m,
+        &sites.resonator_kg,
+        &sites.resonator_n_per_m,
+    ];
+    of_beads.into_iter().all(|values| repeats(values, None))
+        && repeats(&chain.stiffness, Some(seam.stiffness))
+        && repeats(&chain.rest_overlap_m, Some(seam.rest_overlap_m))
+        && chain.terms.iter().all(|term| repeats(&term.stiffness, Some(term.wall_stiffness[0])))
 }
 
 /// True if nothing holds the chain in its place.

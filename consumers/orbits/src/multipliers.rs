@@ -92,7 +92,7 @@ impl Multiplier {
 
 impl Multipliers {
     /// Those of the derivative `monodromy` of the map of a period, of which so many are 1 by symmetry; none if they cannot be found.
-    pub(crate) fn of(monodromy: DMatrix<f64>, trivial: usize, is_conservative: bool) -> Option<Self> {
+    pub(crate) fn of(monodromy: &DMatrix<f64>, trivial: usize, is_conservative: bool) -> Option<Self> {
         let found = eigenvalues(monodromy)?.into_iter().map(|[re, im]| Multiplier { re, im });
         Some(Self::sorted(found.collect(), None, (trivial, f64::INFINITY), is_conservative))
     }

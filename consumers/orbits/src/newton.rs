@@ -30,6 +30,15 @@ const MOST_HALVINGS: u32 = 8;
 /// those of any smooth motion.
 const TAKEN: f64 = 1e-8;
 
+/// Step over that of the seed up to which no time passes in a period.
+const SHORTEST: f64 = 1e-6;
+
+/// Distance from the state after a part of a period up to which the state is back: errors of steps are smaller, other states are further away.
+const REPEATED: f64 = 1e-4;
+
+/// Part of a step along a branch by which its direction is found.
+const WAY: f64 = 1e-3;
+
 /// Relative changes by which derivatives are found as differences: of the step and the parameter, and of a coordinate in the energy.
 const CHANGE: f64 = 1e-5;
 
@@ -216,7 +225,27 @@ impl Newton<'_> {
     /// True if nothing moves, or time does not pass, where a chain moves by itself.
     pub(crate) fn is_at_rest(&self, unknown: &Unknown) -> bool {
         let is_still = norm(&unknown.points[0]) < 1e-6;
-        self.moves_by_itself && (is_still || unknown.dt_s <= 0.0)
+        self.moves_by_itself && (is_still || unknown.dt_s <= self.units[0] * SHORTEST)
+    }
+
+    /// True if a period that was not asked for runs through an orbit several times: a multiple of a prime up to 13.
+    pub(crate) fn is_repeated(&self, unknown: &Unknown) -> Result<bool, NoOrbit> {
+        let (problem, unknown) = self.at(unknown, unknown.parameter)?;
+        if matches!(problem.asked, Asked::PeriodS(_)) || self.shift_beads > 0 {
+            return Ok(false);
+        }
+        for parts in [2, 3, 5, 7, 11, 13] {
+            // back near the middle is back after one part, too, where a slow motion has hardly begun in any case
+            let ahead = parts / 2 * self.steps;
+            let steps = ahead.div_ceil(parts);
+            let dt_s = unknown.dt_s * ahead as f64 / (parts * steps) as f64;
+            let map = Map { steps, ..self.map(&problem) };
+            let end = map.carry(dt_s, &unknown.points[..1], false)?.ends.pop().unwrap_or_default();
+            if distance(&end, &unknown.points[0]) < REPEATED {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Distance, over the size of what is asked for, from what is asked for; none of a period.
@@ -324,11 +353,10 @@ impl Newton<'_> {
             plane_by.extend(plane.map(|plane| plane.normal[count]));
         }
         if let Some(plane) = plane {
-            let changed = |sign: f64| self.at(&unknown, unknown.parameter + sign * CHANGE * self.units[1]);
-            let ((problem_up, up), (problem_down, down)) = (changed(1.0)?, changed(-1.0)?);
+            let (change, [(problem_up, up), (problem_down, down)]) = self.beside(&unknown)?;
             let ends = [(&problem_up, up.dt_s), (&problem_down, down.dt_s)];
-            by.push(self.difference(Number::Parameter, (&problem, &unknown), &carried, (CHANGE, ends))?);
-            let slope = |up: f64, down: f64| (up - down) / (2.0 * CHANGE);
+            by.push(self.difference(Number::Parameter, (&problem, &unknown), &carried, (change, ends))?);
+            let slope = |up: f64, down: f64| (up - down) / (2.0 * change);
             let of = |problem, unknown| self.asked(problem, unknown).unwrap_or(0.0);
             if asked.is_some() {
                 asked_by.push(slope(of(&problem_up, &up), of(&problem_down, &down)));
@@ -350,6 +378,19 @@ impl Newton<'_> {
         let gap = self.together(&problem, &carried, &gaps)?;
         let monodromy = product(&carried.derivatives);
         Ok(Linear { problem, unknown, carried, gaps, gap, monodromy, by, further, residual })
+    }
+
+    /// `unknown` at a larger and a smaller parameter, and half of their difference; one of them is `unknown` itself where there is no chain on its
+    /// other side.
+    fn beside(&self, unknown: &Unknown) -> Result<(f64, [(Problem, Unknown); 2]), NoOrbit> {
+        let changed = |sign: f64| self.at(unknown, unknown.parameter + sign * CHANGE * self.units[1]);
+        let here = || self.at(unknown, unknown.parameter);
+        Ok(match (changed(1.0), changed(-1.0)) {
+            (Ok(up), Ok(down)) => (CHANGE, [up, down]),
+            (Ok(up), Err(_)) => (0.5 * CHANGE, [up, here()?]),
+            (Err(_), Ok(down)) => (0.5 * CHANGE, [here()?, down]),
+            (Err(why), Err(_)) => return Err(why),
+        })
     }
 
     /// Derivatives of the ends of the parts, and of all together, by a number: from chains and steps (s) in which it is larger, and smaller, by
@@ -467,8 +508,7 @@ impl Newton<'_> {
         let problem = (self.family)(unknown.parameter)?;
         let map = Map { steps: self.steps, ..self.map(&problem) };
         let end = map.carry(unknown.dt_s, &unknown.points[..1], false)?.ends.pop().unwrap_or_default();
-        let gap: Vec<f64> = end.iter().zip(&unknown.points[0]).map(|(end, start)| end - start).collect();
-        Ok(norm(&gap) / norm(&unknown.points[0]).max(norm(&end)))
+        Ok(distance(&end, &unknown.points[0]))
     }
 
     /// The direction of the branch of orbits through `found`, along `before`: of length 1.
@@ -481,11 +521,19 @@ impl Newton<'_> {
 
     /// The direction of `step` from `unknown`: of length 1.
     fn way(&self, unknown: &Unknown, linear: Linear, step: &DVector<f64>) -> Result<Vec<f64>, NoOrbit> {
-        let next = self.moved(unknown, &Linear { gaps: Vec::new(), ..linear }, step, 1.0)?;
-        let next = self.at(&next, next.parameter)?.1;
+        let linear = Linear { gaps: Vec::new(), ..linear };
+        // a short way, since chains may end at some value of the parameter; then the other way
+        let moved = |length: f64| -> Result<Unknown, NoOrbit> {
+            let next = self.moved(unknown, &linear, step, length)?;
+            Ok(self.at(&next, next.parameter)?.1)
+        };
+        let (next, sign) = match moved(WAY) {
+            Ok(next) => (next, 1.0),
+            Err(_) => (moved(-WAY)?, -1.0),
+        };
         let (from, to) = (self.numbers(unknown), self.numbers(&next));
         let difference: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
-        let length = norm(&difference);
+        let length = sign * norm(&difference);
         Ok(difference.into_iter().map(|x| x / length).collect())
     }
 
@@ -537,6 +585,12 @@ impl Newton<'_> {
         }
         Ok(next)
     }
+}
+
+/// Distance between two states, over their size.
+fn distance(end: &[f64], start: &[f64]) -> f64 {
+    let gap: Vec<f64> = end.iter().zip(start).map(|(end, start)| end - start).collect();
+    norm(&gap) / norm(start).max(norm(end))
 }
 
 fn larger(a: f64, b: f64) -> f64 {

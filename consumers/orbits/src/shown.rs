@@ -269,15 +269,21 @@ fn panel(
     panel
 }
 
-/// The place of the frequency of an orbit among those of linear waves; none if there are no such waves, or the chain repeats no unit.
+/// The place of the frequency of an orbit among those of linear waves; none if there are no such waves, the chain repeats no unit, or the orbit is a
+/// wave, whose period is that from bead to bead.
 pub fn place(orbit: &Orbit) -> Option<&'static str> {
+    if orbit.shift_beads > 0 {
+        return None;
+    }
     let linear = LinearChain::of(&orbit.physics.chain()).ok()?;
     let bands = UnitCell::of(&linear)?.bands_hz();
     let frequency_hz = 1.0 / orbit.period_s();
     let highest_hz = bands.iter().map(|band| band[1]).fold(0.0, f64::max);
+    let lowest_hz = bands.iter().map(|band| band[0]).fold(f64::INFINITY, f64::min);
     Some(match UnitCell::carries(&bands, frequency_hz) {
         true => "in a band of linear waves",
         false if frequency_hz > highest_hz => "above the bands of linear waves",
+        false if frequency_hz < lowest_hz => "below the bands of linear waves",
         false => "in a gap between the bands of linear waves",
     })
 }

@@ -65,14 +65,20 @@ impl Search<'_> {
     pub fn born(&self, change: &Change, stretch: &Stretch) -> Result<Vec<Beginning>, NoOrbit> {
         let periods = change.periods();
         let search = self.over(periods);
-        let mut at = change.orbit.unknown.clone();
-        let mut found = search.newton.second(&at, change.along.clone(), &self.start);
+        let (mut at, mut regular) = (change.orbit.unknown.clone(), self.start.clone());
+        if periods > 1 {
+            // the parts of a longer period begin elsewhere
+            search.newton.flow(&mut at)?;
+            search.newton.flow(&mut regular)?;
+        }
+        let mut found = search.newton.second(&at, change.along.clone(), &regular);
         if matches!(found, Err(NoOrbit::Branch(_))) && periods == 2 && self.newton.turns {
             // of the two turning points of the old orbit, new ones may have but the other
             at = self.newton.turned(&at)?;
+            search.newton.flow(&mut at)?;
             let mut parameter = vec![0.0; change.along.len()];
             parameter.iter_mut().next_back().into_iter().for_each(|last| *last = 1.0);
-            found = search.newton.second(&at, parameter, &self.start);
+            found = search.newton.second(&at, parameter, &regular);
         }
         let direction = found?;
         let (first, orbit) = self.first(change, (&search, &at, &direction), stretch)?;
@@ -151,4 +157,45 @@ impl Search<'_> {
 fn is_same(one: &Orbit, other: &Orbit) -> bool {
     let period = (one.period_s() / other.period_s() - 1.0).abs();
     period < SAME && one.multipliers.difference(&other.multipliers) < SAME
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::file::File;
+    use std::ops::ControlFlow;
+    use std::path::Path;
+    use std::sync::atomic::AtomicBool;
+
+    /// Two shaken beads: where their orbit doubles its period a branch is born, into however many parts the period is divided.
+    #[test]
+    fn an_orbit_in_parts_bears_one_of_twice_the_period() {
+        let stop = AtomicBool::new(false);
+        for segments in [1, 2, 5] {
+            let text = format!(
+                "chain = {{ beads = 2, bead_mass_kg = 1.0, alpha = 1.5, stiffness = 1.0 }}\n\
+                 ends = {{ left = 'fixed', right = 'fixed' }}\nload = {{ precompression_n = 1.0 }}\n\
+                 on_site = {{ drag_n_s_per_m = 0.05 }}\norbit = {{ steps = 100, segments = {segments} }}\n\
+                 drive = [{{ wall = 'left', displacement_m = {{ sine = {{ amplitude = 0.155, frequency_hz = 0.385 }} }} }}]\n\
+                 continue = {{ key = 'drive[0].displacement_m.sine.amplitude', from = 0.155, to = 0.175, branches = true }}"
+            );
+            let file = File::read(Path::new("orbit.toml"), &text, |config, _| Ok(config)).expect("valid");
+            let family = |parameter: f64| file.problem(parameter);
+            let (_, stretch) = file.stretch().expect("a branch");
+            let search = Search::begin(&family, file.from(), file.options(), &stop).expect("a seed");
+            let search = search.along(&stretch);
+            let (mut last, mut changes): (Option<(Step, Orbit)>, Vec<Change>) = (None, Vec::new());
+            let look = |step: &Step, orbit: &Orbit| {
+                if let Some((before, one)) = &last {
+                    changes.extend(search.change(one, orbit, before.turns(step)).expect("an orbit"));
+                }
+                last = Some((step.clone(), orbit.clone()));
+                if changes.is_empty() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            search.follow(&stretch, None, look).expect("a branch");
+            assert_eq!(changes[0].name, "period doubling");
+            let born = search.born(&changes[0], &stretch).expect("a branch of twice the period");
+            assert_eq!(born.iter().map(|born| born.periods).collect::<Vec<_>>(), [2], "{segments}");
+        }
+    }
 }

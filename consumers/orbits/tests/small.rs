@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{find, read, tried};
+use common::{find, follow, read, tried};
 use orbits::NoOrbit;
 use schemas::manifest::Physics;
 use waves::linear::LinearChain;
@@ -166,4 +166,98 @@ fn parts_of_a_period_change_no_multiplier() {
         }
     }
     println!("one and four parts: multipliers differ by {largest:e} at most");
+}
+
+/// The period (s) with this amplitude (m) asked of the seed's mode, which displaces all beads by as much.
+fn period_with(beads: u32, bonds: &str, ends: &str, amplitude: f64) -> f64 {
+    let toml = format!(
+        "chain = {{ beads = {beads}, bead_mass_kg = 1.0, bonds = {{ {bonds} }} }}\nends = {{ left = '{ends}', right = '{ends}' }}\n\
+         [orbit]\namplitude_m = {amplitude:?}\nmode = {{ number = {beads}, displacement_m = 0.4 }}\n"
+    );
+    find(&toml).period_s()
+}
+
+/// Among beads that the seed displaces equally, some the other way, the amplitude is that of one on its side. With the other sign Newton's method
+/// came to orbits of no time, or of several periods.
+#[test]
+fn an_amplitude_of_either_sign_has_the_same_orbit() {
+    let toda = "toda = { stiffness = 1.0, steepness_per_m = 1.5 }";
+    let fput = "linear = 1.0, cubic = 1.0";
+    for (beads, bonds, ends) in
+        [(2, toda, "free"), (2, fput, "free"), (2, fput, "fixed"), (3, fput, "periodic"), (6, fput, "fixed")]
+    {
+        for amplitude in [0.3, 0.4, 0.5] {
+            let [up, down] =
+                [amplitude, -amplitude].map(|amplitude| period_with(beads, bonds, ends, amplitude));
+            // the two modes of a ring mix, the other way with the other sign
+            let allowed = if ends == "periodic" { 1e-3 } else { 1e-9 };
+            assert!(
+                (up / down - 1.0).abs() < allowed && up > 2.0,
+                "{beads} {bonds} {ends} {amplitude}: {up}, {down}"
+            );
+        }
+    }
+    assert!((period_with(2, toda, "free", 0.4) - 4.86447).abs() < 1e-5);
+}
+
+/// The bead that is displaced most may have the sign that was not asked for: a seed of one such bead.
+#[test]
+fn an_amplitude_of_the_other_sign_than_the_seed_is_refused() {
+    let toml = "chain = { beads = 2, bead_mass_kg = 1.0, bonds = { linear = 1.0 } }\nends = { left = 'fixed', right = 'fixed' }\n\
+                initial = { displacements_m = [-0.4, -0.4] }\n[orbit]\nperiod_s = 6.0\namplitude_m = 0.4\n";
+    let refused = tried(toml).unwrap_err().to_string();
+    assert!(refused.contains("orbit.amplitude_m") && refused.contains("bead 0"), "{refused}");
+}
+
+/// Matrices whose steps went round in a circle, and one that was singular to the last place.
+#[test]
+fn no_energy_is_refused_by_chance() {
+    for (beads, energy) in [(8, 0.1), (6, 0.23), (4, 0.13)] {
+        let ring = |energy: f64| {
+            format!(
+                "chain = {{ beads = {beads}, bead_mass_kg = 1.0, bonds = {{ linear = 1.0, cubic = 1.0 }} }}\n\
+                 ends = {{ left = 'periodic', right = 'periodic' }}\n\
+                 [orbit]\nenergy_j = {energy:?}\nmode = {{ number = {beads}, displacement_m = 0.1 }}\n"
+            )
+        };
+        let [here, beside] = [energy, energy * (1.0 + 1e-9)].map(|energy| find(&ring(energy)));
+        assert!((here.period_s() / beside.period_s() - 1.0).abs() < 1e-8, "{beads} {energy}");
+        assert_eq!(here.multipliers.is_stable(), beside.multipliers.is_stable(), "{beads} {energy}");
+    }
+}
+
+/// Exponents are at least 1, drags at least 0: a branch begins and ends there, and comes near from far away.
+#[test]
+fn a_branch_goes_up_to_the_end_of_a_parameter() {
+    let pressed = "chain = { beads = 2, bead_mass_kg = 1.0, alpha = 1.5, stiffness = 1.0 }\nends = { left = 'fixed', right = 'fixed' }\n\
+                   load = { precompression_n = 1.0 }\n[orbit]\namplitude_m = 0.3\nmode = { number = 2, displacement_m = 0.1 }\n";
+    let shaken = "chain = { beads = 3, bead_mass_kg = 1.0, bonds = { linear = 1.0, cubic = 1.0 } }\nends = { left = 'fixed', right = 'fixed' }\n\
+                  on_site = { drag_n_s_per_m = 0.1 }\ndrive = [{ wall = 'left', displacement_m = { sine = { amplitude = 0.1, frequency_hz = 0.2 } } }]\n\
+                  [orbit]\n";
+    for (chain, key, from, to) in [
+        (pressed, "chain.alpha", 2.0, 1.1),
+        (pressed, "chain.alpha", 1.1, 1.0),
+        (pressed, "chain.alpha", 1.0, 1.1),
+        (shaken, "on_site.drag_n_s_per_m", 0.1, 0.01),
+    ] {
+        let branch = follow(&format!("{chain}[continue]\nkey = '{key}'\nfrom = {from:?}\nto = {to:?}\n"));
+        assert_eq!(branch.last.unknown.parameter, to, "{key} from {from}");
+    }
+}
+
+/// A state that is itself one bead further on says nothing of the next period where the chain is another there.
+#[test]
+fn a_wave_needs_a_chain_that_repeats() {
+    let ring = |masses: &str| {
+        format!(
+            "chain = {{ beads = 4, bead_mass_kg = 1.0, bonds = {{ linear = 1.0, cubic = 1.0 }}{masses} }}\n\
+             ends = {{ left = 'periodic', right = 'periodic' }}\n\
+             [orbit]\nperiod_s = 1.0\nshift_beads = 1\nmode = {{ number = 2, displacement_m = 0.1 }}\n"
+        )
+    };
+    let refused = |toml: &str| tried(toml).is_err_and(|why| why.to_string().contains("orbit.shift_beads"));
+    assert!(!refused(&ring("")));
+    assert!(refused(&ring(", masses = { pattern_kg = [1.0, 2.0] }")));
+    let drive = "[[drive]]\nbead = 0\nforce_n = { sine = { amplitude = 0.1, frequency_hz = 0.1 } }\n";
+    assert!(refused(&(ring("").replace("period_s = 1.0\n", "") + drive)));
 }

@@ -84,7 +84,7 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
     let chain = manifest.physics.chain();
     let values: Vec<f64> = field.values(&chain, frame).collect();
     let values = &values[places.clone()];
-    let shown = shown_range(field, values);
+    let shown = shown_range(manifest, field, false, values);
     let (label, factor) = label(field, shown[0].abs().max(shown[1].abs()));
     let points = |values: &[f64]| -> Vec<(f64, f64)> {
         places.clone().zip(values).map(|(place, value)| (place as f64, value * factor)).collect()
@@ -141,7 +141,7 @@ pub fn space_time(
     steps: ColourSteps,
     range: Option<[f64; 2]>,
 ) -> Result<Figure, FigureError> {
-    let ends = range.unwrap_or_else(|| coloured(field, picture, steps));
+    let ends = range.unwrap_or_else(|| coloured(manifest, field, picture, steps));
     let panel = map_within(manifest, field, picture, steps, ends)?.height(1.35);
     let [least, largest] = extremes(picture);
     let beyond = if least >= ends[0] && largest <= ends[1] {
@@ -173,7 +173,7 @@ fn extremes(picture: &Picture<f32>) -> [f64; 2] {
 }
 
 /// The values that have colours of their own: all of them if colours follow the logarithm.
-fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2] {
+fn coloured(manifest: &RunManifest, field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2] {
     let [least, largest] = extremes(picture);
     let linear =
         steps == ColourSteps::Linear || steps == ColourSteps::Fitting && field == Field::Displacement;
@@ -181,7 +181,7 @@ fn coloured(field: Field, picture: &Picture<f32>, steps: ColourSteps) -> [f64; 2
         return [least, largest];
     }
     let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
-    let [low, high] = bulk(field, &values);
+    let [low, high] = bulk(manifest, field, true, &values);
     // what is cut off by a little is not worth a word
     if 1.2 * low <= least && 1.2 * high >= largest {
         return [least, largest];
@@ -196,7 +196,7 @@ pub(super) fn map_of(
     picture: &Picture<f32>,
     steps: ColourSteps,
 ) -> Result<Panel, FigureError> {
-    map_within(manifest, field, picture, steps, coloured(field, picture, steps))
+    map_within(manifest, field, picture, steps, coloured(manifest, field, picture, steps))
 }
 
 fn map_within(
@@ -273,22 +273,23 @@ pub(super) fn label_beyond_rest(manifest: &RunManifest, field: Field, largest: f
 
 /// Range of the values that is shown. Displacements lose a fiftieth at either end, since the struck end of a chain
 /// flies off, and the rest would be a flat line beside it. No gap wider than the largest overlap is shown, if there is an
-/// overlap.
-fn bulk(field: Field, values: &[f64]) -> [f64; 2] {
+/// overlap; a bond has no gaps, nor need a loaded contact have one that is less pressed than at rest, from which values count if they are `from_rest`.
+fn bulk(manifest: &RunManifest, field: Field, from_rest: bool, values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let Some(last) = sorted.len().checked_sub(1) else { return [0.0; 2] };
     let few = if field == Field::Displacement { sorted.len() / 50 } else { 0 };
     let (mut low, high) = (sorted[few], sorted[last - few]);
-    if field == Field::Overlap && high > 0.0 && low < -high {
+    let can_be_gaps = manifest.physics.bonds.is_none() && !(from_rest && is_loaded(manifest, field));
+    if field == Field::Overlap && can_be_gaps && high > 0.0 && low < -high {
         low = -high;
     }
     [low, high]
 }
 
 /// This range with some room on both sides.
-pub(super) fn shown_range(field: Field, values: &[f64]) -> [f64; 2] {
-    let [low, high] = bulk(field, values);
+pub(super) fn shown_range(manifest: &RunManifest, field: Field, from_rest: bool, values: &[f64]) -> [f64; 2] {
+    let [low, high] = bulk(manifest, field, from_rest, values);
     let room = 0.15 * (high - low);
     [low - room, high + room]
 }

@@ -28,7 +28,7 @@ impl<'a> Film<'a> {
     /// The film of a run's footage.
     pub fn new(manifest: &'a RunManifest, footage: &'a Footage) -> Self {
         let values = footage.shots.iter().flat_map(|shot| &shot.profile).map(|(_, value)| f64::from(*value));
-        let shown = shown_range(footage.field, &values.collect::<Vec<_>>());
+        let shown = shown_range(manifest, footage.field, true, &values.collect::<Vec<_>>());
         let (label, factor) = label_beyond_rest(manifest, footage.field, shown[0].abs().max(shown[1].abs()));
         let totals = energy_curve(&footage.energies, "total_j").map(|(_, energy_j)| energy_j.abs());
         let struck = manifest.physics.striker.bead;

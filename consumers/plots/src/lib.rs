@@ -60,12 +60,15 @@ pub fn common_caption<'a>(runs: impl IntoIterator<Item = &'a Physics>) -> String
 
 /// The parts of a run, a phrase for each parameter.
 fn phrases(physics: &Physics) -> Vec<String> {
-    let mut phrases = vec![
-        format!("N = {}", physics.beads),
-        format!("m = {}\u{a0}g", short(physics.bead_mass_kg * 1e3)),
-        format!("α = {}", short(physics.alpha)),
-        format!("k = {}\u{a0}N\u{a0}m^{{−α}}", scientific(physics.stiffness)),
-    ];
+    let mut phrases = vec![format!("N = {}", physics.beads)];
+    // beside spheres and bonds they are those of the scales, and decide nothing in the chain
+    let of_spheres = physics.spheres.is_some();
+    phrases.extend((!of_spheres).then(|| format!("m = {}\u{a0}g", short(physics.bead_mass_kg * 1e3))));
+    if physics.bonds.is_none() {
+        phrases.push(format!("α = {}", short(physics.alpha)));
+        let stiffness = || format!("k = {}\u{a0}N\u{a0}m^{{−α}}", scientific(physics.stiffness));
+        phrases.extend((!of_spheres).then(stiffness));
+    }
     let impurities = physics.impurities.iter().take(4);
     phrases.extend(
         impurities
@@ -74,7 +77,9 @@ fn phrases(physics: &Physics) -> Vec<String> {
     if physics.impurities.len() > 4 {
         phrases.push(format!("… ({} impurities)", physics.impurities.len()));
     }
-    phrases.extend(physics.particulars().iter().map(|phrase| phrase.replace('-', "−")));
+    // before a digit a hyphen is a minus
+    let minus = |phrase: String, digit: char| phrase.replace(&format!("-{digit}"), &format!("−{digit}"));
+    phrases.extend(physics.particulars().into_iter().map(|phrase| ('0'..='9').fold(phrase, minus)));
     let striker = physics.striker;
     if striker.velocity_m_s != 0.0 {
         let speed = short(striker.velocity_m_s);
@@ -174,8 +179,13 @@ pub fn energies(
     let panel = || Panel::new().x_axis("time (ms)");
     let of_part = |panel: Panel, (name, column)| panel.line(name, curve(column, 1e3));
     let parts = parts(split_bead).into_iter().fold(panel().y_axis("energy (mJ)"), of_part);
+    let physics = &manifest.physics;
+    let is_conserved = physics.damping.is_none()
+        && !physics.has_drag()
+        && physics.drives.is_empty()
+        && physics.baths.is_empty();
     let drift = panel()
-        .y_axis("(E−E_{0})/E_{0}")
+        .y_axis(if is_conserved { "(E−E_{0})/E_{0}" } else { "error of the balance ΔE/E" })
         .curve(Curve::line("", curve("relative_drift", 1.0)).colour(Colour::Black))
         .height(0.6);
     let figure = Figure::new().shared_x().caption(caption(manifest)).panel(parts);
@@ -188,9 +198,11 @@ pub fn energies(
 /// Panel of the energy on the incident side without the recoil, and of the energy that may still cross, both as parts
 /// of the total energy.
 fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflection: &Reflection) -> Panel {
+    // the total is another one from then on
+    let end_s = reflection.exchanged.map_or(f64::INFINITY, |at| at.time_s);
     let part = |column: &str| {
-        let totals = energy_curve(rows, "total_j");
-        energy_curve(rows, column).zip(totals).map(|((t, value), (_, total))| (t * 1e3, value / total))
+        let both = energy_curve(rows, column).zip(energy_curve(rows, "total_j"));
+        both.filter(move |((t, _), _)| *t < end_s).map(|((t, value), (_, total))| (t * 1e3, value / total))
     };
     let mut panel = panel
         .y_axis(Axis::new("energy/total").log().limits(1e-7, 2.0))
@@ -199,7 +211,7 @@ fn scattering(panel: Panel, rows: &Series<{ EnergyRow::COLUMNS.len() }>, reflect
         .horizontal("", STATIONARY);
     if let Some(since) = reflection.stationary_since {
         let last_s = rows.span_s().map_or(since.time_s, |(_, last_s)| last_s);
-        let until_s = reflection.met_end.map_or(last_s, |(_, met)| met.time_s);
+        let until_s = reflection.until().map_or(last_s, |at| at.time_s);
         panel = panel.band_x("stationary", since.time_s * 1e3, until_s * 1e3);
     }
     panel
@@ -299,6 +311,7 @@ fn map_panel(manifest: &RunManifest, place: &str, extent: &Extent, raster: Raste
 #[cfg(test)]
 mod tests {
     use super::*;
+    use schemas::config::RunConfig;
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
 
@@ -311,5 +324,20 @@ mod tests {
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
              v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
         );
+    }
+
+    /// Bonds have laws of their own: the contact law is not that of the chain.
+    #[test]
+    fn a_caption_of_bonds_has_no_contact_law() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let config = RunConfig::from_toml(
+            "name = 'bonded'\nchain = { beads = 8, bead_mass_kg = 1.0, bonds = { linear = 1.0, cubic = 5.0 } }\n\
+             striker = { bead = 0, velocity_m_s = 1.0 }\ntime = { duration_s = 1.0, dt_s = 0.01 }",
+        );
+        let m = RunManifest::new(&config.expect("valid"), "run", origin).expect("valid");
+        for text in [caption(&m), common_caption([&m.physics])] {
+            assert!(text.contains("N = 8, m = 1000\u{a0}g, bonds: linear 1, cubic (FPUT-β) 5"), "{text}");
+            assert!(!text.contains('α') && !text.contains("k = "), "{text}");
+        }
     }
 }

@@ -20,6 +20,13 @@ pub enum Band {
     Quantiles,
 }
 
+impl Band {
+    /// The middle of values that a curve with this band, or without one, goes through.
+    pub fn middle(band: Option<Self>, found: &Statistics) -> f64 {
+        if band == Some(Self::Quantiles) { found.median } else { found.mean }
+    }
+}
+
 /// A curve of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableCurve {
@@ -41,11 +48,13 @@ pub struct TableFit {
 }
 
 impl TableFit {
-    /// The law through points with x in `stretch`; none through fewer than three. Points are weighted by their standard errors where all have one.
-    pub fn of(points: &[TablePoint], stretch: (f64, f64)) -> Option<Self> {
+    /// The law through the middles of points with x in `stretch`; none through fewer than three. Means are weighted by their standard errors
+    /// where all have one.
+    pub fn of(points: &[TablePoint], stretch: (f64, f64), band: Option<Band>) -> Option<Self> {
+        let error = |found: &Statistics| found.standard_error.filter(|_| band != Some(Band::Quantiles));
         let used = points.iter().filter(|point| (stretch.0..=stretch.1).contains(&point.x));
         let used: Vec<_> =
-            used.map(|point| (point.x, point.found.mean, point.found.standard_error)).collect();
+            used.map(|TablePoint { x, found, .. }| (*x, Band::middle(band, found), error(found))).collect();
         let ends = [used.first()?.0, used.last()?.0];
         PowerLaw::through(&used).map(|law| Self { law, ends })
     }
@@ -80,8 +89,8 @@ pub struct TablePanel {
 
 impl TablePanel {
     /// Finds the law of each curve, as [`TableFit::of`].
-    pub fn fit(&mut self, stretch: (f64, f64)) {
-        self.curves.iter_mut().for_each(|curve| curve.fit = TableFit::of(&curve.points, stretch));
+    pub fn fit(&mut self, stretch: (f64, f64), band: Option<Band>) {
+        self.curves.iter_mut().for_each(|curve| curve.fit = TableFit::of(&curve.points, stretch, band));
     }
 }
 
@@ -113,21 +122,22 @@ pub fn table_curves(table: &TableFigure) -> Figure {
     let mut figure = Figure::new().shared_x().caption(table.caption.clone());
     for (place, TablePanel { column, curves, note }) in table.panels.iter().enumerate() {
         let mut panel = Panel::new().x_axis(axis(&table.x, table.log[0])).y_axis(axis(column, table.log[1]));
+        let floor = floor_of(curves, table);
         for curve in curves {
             // of several panels the first names the curves
             let label = if place == 0 { curve.label.as_str() } else { "" };
-            panel = panel.curve(drawn(label, curve, table));
+            panel = panel.curve(drawn(label, curve, table, floor));
         }
         for (curve, TableFit { law, ends }) in curves.iter().filter_map(|curve| Some((curve, curve.fit?))) {
             let name = format!("{} ~ x^{{{}}}", curve.label, TableFit { law, ends }.words());
-            let line = ends.map(|x| (x, law.at(x)));
+            let line = between(ends, table.log).map(|x| (x, law.at(x)));
             panel = panel.curve(Curve::line(name.trim(), line).stroke(Stroke::Dashed).colour(Colour::Black));
         }
         // the last one stands beside all further curves
         let slopes = table.slopes.iter().chain(table.slopes.last().into_iter().cycle());
         for (curve, slope) in curves.iter().zip(slopes) {
             let name = format!("slope {slope}").replace('-', "−");
-            let line = Curve::line(name, beside(*slope, curve));
+            let line = Curve::line(name, beside(*slope, curve, table));
             panel = panel.curve(line.stroke(Stroke::Dotted).colour(Colour::Black));
         }
         let points = curves.iter().flat_map(|curve| &curve.points);
@@ -142,20 +152,31 @@ pub fn table_curves(table: &TableFigure) -> Figure {
     figure
 }
 
-/// The line of a power law of this exponent through the middle of the points of a curve, of those that have a fit if it has one.
-fn beside(slope: f64, curve: &TableCurve) -> Vec<(f64, f64)> {
+/// Places from one x above 0 to another at which a power law is drawn: both ends where it is a straight line.
+fn between([from, to]: [f64; 2], log: [bool; 2]) -> impl Iterator<Item = f64> {
+    let pieces = if log == [true; 2] { 1 } else { 100 };
+    (0..=pieces).map(move |i| match f64::from(i) / f64::from(pieces) {
+        1.0 => to,
+        part if log[0] => from * (to / from).powf(part),
+        part => from + part * (to - from),
+    })
+}
+
+/// The line of a power law of this exponent through the middle of the points above 0 of a curve, of those that have a fit if it has one.
+fn beside(slope: f64, curve: &TableCurve, table: &TableFigure) -> Vec<(f64, f64)> {
     let [from, to] = curve.fit.map_or([0.0, f64::INFINITY], |fit| fit.ends);
-    let used = || curve.points.iter().filter(|point| (from..=to).contains(&point.x));
+    let used = curve.points.iter().map(|point| (point.x, middle(table, &point.found)));
+    let used: Vec<_> = used.filter(|(x, y)| (from..=to).contains(x) && *x > 0.0 && *y > 0.0).collect();
+    let (Some((first, _)), Some((last, _))) = (used.first(), used.last()) else { return Vec::new() };
     let mean =
-        |of: fn(&TablePoint) -> f64| used().map(|point| of(point).ln()).sum::<f64>() / used().count() as f64;
-    let (x, y) = (mean(|point| point.x), mean(|point| point.found.mean));
-    let at = |point: &TablePoint| (point.x, (y + slope * (point.x.ln() - x)).exp());
-    used().next().into_iter().chain(used().next_back()).map(at).collect()
+        |of: fn(&(f64, f64)) -> f64| used.iter().map(|at| of(at).ln()).sum::<f64>() / used.len() as f64;
+    let (x, y) = (mean(|(x, _)| *x), mean(|(_, y)| *y));
+    between([*first, *last], table.log).map(|at| (at, (y + slope * (at.ln() - x)).exp())).collect()
 }
 
 /// The middle of values that a curve goes through.
 fn middle(table: &TableFigure, found: &Statistics) -> f64 {
-    if table.band == Some(Band::Quantiles) { found.median } else { found.mean }
+    Band::middle(table.band, found)
 }
 
 fn middle_name(table: &TableFigure) -> &'static str {
@@ -165,7 +186,21 @@ fn middle_name(table: &TableFigure) -> &'static str {
 /// Most points of a curve that are marked.
 const MARKED: usize = 40;
 
-fn drawn(label: &str, curve: &TableCurve, table: &TableFigure) -> Curve {
+/// The least number that bands may go down to: on a logarithmic axis one below all that is drawn there, so that what has no lower end leaves
+/// the others behind.
+fn floor_of(curves: &[TableCurve], table: &TableFigure) -> f64 {
+    if !table.log[1] {
+        return f64::NEG_INFINITY;
+    }
+    let drawn = curves.iter().flat_map(|curve| &curve.points).flat_map(|TablePoint { found, .. }| {
+        let error = found.standard_error.unwrap_or(0.0);
+        let [low, quarter, rest, high] = found.quantiles;
+        [found.mean, found.mean - error, found.mean + error, found.median, low, quarter, rest, high]
+    });
+    0.5 * drawn.filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min)
+}
+
+fn drawn(label: &str, curve: &TableCurve, table: &TableFigure, floor: f64) -> Curve {
     let points = curve.points.iter().map(|point| (point.x, middle(table, &point.found)));
     let drawn = match (table.scattered, curve.points.len()) {
         (true, _) => Curve::points(label, points),
@@ -173,7 +208,12 @@ fn drawn(label: &str, curve: &TableCurve, table: &TableFigure) -> Curve {
         (false, _) => Curve::line(label, points),
     };
     let band = |low: &dyn Fn(&Statistics) -> f64, high: &dyn Fn(&Statistics) -> f64| -> Vec<_> {
-        curve.points.iter().map(|TablePoint { x, found, .. }| (*x, low(found), high(found))).collect()
+        let reaching = |low: f64| if low < floor { floor } else { low };
+        curve
+            .points
+            .iter()
+            .map(|TablePoint { x, found, .. }| (*x, reaching(low(found)), high(found)))
+            .collect()
     };
     match table.band {
         None => drawn,

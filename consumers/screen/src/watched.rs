@@ -24,8 +24,11 @@ impl Watched {
     /// Nothing of it was seen yet.
     pub fn new(manifest: &RunManifest) -> Self {
         let strip = |field: Field| {
-            let contacts = manifest.contact_count();
-            Strip::new(if field.place() == "contact" { contacts } else { contacts + 1 })
+            Strip::new(match field {
+                Field::Overlap => manifest.contact_count(),
+                Field::Contacts => manifest.all_contact_count(),
+                _ => manifest.contact_count() + 1,
+            })
         };
         Self {
             name: manifest.provenance.name.to_string(),

@@ -210,7 +210,7 @@ impl Sibling {
     /// Puts `changes` of the displacements (m), then of the velocities (m/s) of all beads, in the places of the differences of those.
     pub(super) fn put_changes(&self, changes: &[f64], differences: &mut [f64; Quantity::COUNT]) {
         let [length_m, speed_m_s, _] = self.scales;
-        let beads = self.contacts.classes().len() + 1;
+        let beads = self.contacts.bead_count();
         let largest =
             |numbers: &[f64]| numbers.iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most });
         let of_beads =

@@ -16,6 +16,9 @@
 //! - The value is that of the last frame before a front met an end, or of the last frame. Its uncertainty
 //!   is the inbound energy of that frame, which may still cross, plus the range of the reflected energy over
 //!   the last 50 to 100 T since it became stationary, plus the error of the time step ([`step_error_j`]).
+//! - Drag, absorbing ends, baths and drives take energy from either side, or give some, which nothing reflects. The value
+//!   is that of the last frame before they have exchanged [`EXCHANGED`] of the energy, which is in its uncertainty. If
+//!   more than [`OPEN`] of the energy might still have crossed then, there is none ([`Undefined::Exchanged`]).
 //!
 //! A window alone would not do: a light impurity rests for tens of T between two hits, and 265 T pass before
 //! a bead hits an impurity of 10 g again and takes 8e-5 of the energy back.
@@ -43,6 +46,14 @@ pub const STATIONARY: f64 = 1e-4;
 
 /// Part of v0 by which the velocity of an end bead changes when a front has met the end.
 pub const MOVED: f64 = 1e-3;
+
+/// Part of the energy that the chain may have exchanged with the outside: a hundredth of [`STATIONARY`], so that it hardly
+/// adds to a ±.
+pub const EXCHANGED: f64 = 1e-6;
+
+/// Part of the total energy that may still cross the split bead when energy begins to be exchanged: what is cut off then is
+/// known to a hundredth, or not told.
+pub const OPEN: f64 = 1e-2;
 
 /// Length of the window over which the reflected energy is watched, in collision times T.
 const WINDOW: f64 = 50.0;
@@ -84,6 +95,8 @@ pub enum Undefined {
     Loaded,
     /// Contacts dissipate: the energy of a side falls wherever anything moves.
     Damped,
+    /// Energy was exchanged with the outside while much of it might still have crossed the split bead.
+    Exchanged,
 }
 
 impl fmt::Display for Undefined {
@@ -95,6 +108,9 @@ impl fmt::Display for Undefined {
             Self::StrikerMovesAway => "not defined: the striker moves away from the split bead",
             Self::Loaded => "not defined: the chain is loaded, there is energy everywhere",
             Self::Damped => "not defined: contacts dissipate, the energy of a side never rests",
+            Self::Exchanged => {
+                "not defined: drag, absorbing ends, baths or drives changed the energy before the reflection was complete"
+            }
         })
     }
 }
@@ -192,11 +208,18 @@ pub struct Reflection {
     pub stationary_since: Option<Moment>,
     /// The end bead that a front met, and when.
     pub met_end: Option<(u64, Moment)>,
+    /// The first frame before which energy was exchanged with the outside, if no front had met an end by then.
+    pub exchanged: Option<Moment>,
     /// The energies, once the pulse has arrived.
     pub energies: Option<Reflected>,
 }
 
 impl Reflection {
+    /// The moment from which on the reflected energy is not looked at any more.
+    pub fn until(&self) -> Option<Moment> {
+        self.met_end.map(|(_, at)| at).or(self.exchanged)
+    }
+
     /// The reflected energy without the recoil, if both are known.
     pub fn corrected(&self) -> Option<Corrected> {
         let (energies, recoil) = (self.energies?, self.recoil?);
@@ -227,6 +250,8 @@ pub(super) struct Parts {
     pub(super) end_velocities_m_s: [f64; 2],
     /// The largest relative error of the total energy so far.
     pub(super) max_abs_drift: f64,
+    /// The energy that came from outside or went there so far.
+    pub(super) exchanged_j: f64,
 }
 
 impl Parts {
@@ -262,7 +287,7 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
         return Err(Undefined::StrikerRests);
     }
     let chain = physics.chain();
-    if chain.is_loaded() {
+    if chain.is_pressed() {
         return Err(Undefined::Loaded);
     }
     if chain.damping.is_some() {
@@ -292,6 +317,7 @@ impl ReflectionWatch {
                 recoil: None,
                 stationary_since: None,
                 met_end: None,
+                exchanged: None,
                 energies: None,
             },
         }
@@ -299,6 +325,12 @@ impl ReflectionWatch {
 
     /// Looks at the next frame.
     pub(super) fn push(&mut self, parts: &Parts) {
+        if self.found.met_end.is_none() && parts.exchanged_j > EXCHANGED * parts.total_j {
+            self.found.exchanged.get_or_insert(parts.at);
+        }
+        if self.found.exchanged.is_some() {
+            return;
+        }
         if self.found.arrival.is_none() {
             if parts.split_j + parts.beyond_j < ARRIVED * parts.total_j {
                 return self.approach(parts);
@@ -319,10 +351,10 @@ impl ReflectionWatch {
         }
     }
 
-    /// The corrected reflected energy (J) of a frame, NaN before the pulse has arrived.
+    /// The corrected reflected energy (J) of a frame, NaN before the pulse has arrived and where nothing is told.
     pub(super) fn corrected_j(&self, parts: &Parts) -> f64 {
         match (self.found.arrival, self.found.recoil) {
-            (Some(_), Some(recoil)) => parts.incident_j - recoil.energy_j,
+            (Some(_), Some(recoil)) if self.told().is_ok() => parts.incident_j - recoil.energy_j,
             _ => f64::NAN,
         }
     }
@@ -331,10 +363,19 @@ impl ReflectionWatch {
         self.found
     }
 
+    /// The reflection, unless energy was exchanged with the outside before it was complete.
+    pub(super) fn told(&self) -> Result<Reflection, Undefined> {
+        let is_open = |energies: Reflected| energies.inbound_j > OPEN * energies.total_j;
+        if self.found.exchanged.is_some() && self.found.energies.is_none_or(is_open) {
+            return Err(Undefined::Exchanged);
+        }
+        Ok(self.found)
+    }
+
     fn approach(&mut self, parts: &Parts) {
         let energy_j = parts.incident_j - parts.towards_j;
         self.recoil_window.push(parts.at.time_s, energy_j);
-        let uncertainty_j = self.recoil_window.range() + self.step_error_j(parts);
+        let uncertainty_j = self.recoil_window.range() + self.step_error_j(parts) + parts.exchanged_j;
         self.found.recoil = Some(Recoil { energy_j, uncertainty_j, at: parts.at });
     }
 
@@ -363,7 +404,7 @@ impl ReflectionWatch {
             reflected_j: parts.incident_j,
             transmitted_j: parts.beyond_j,
             total_j: parts.total_j,
-            uncertainty_j: inbound_j + self.window.range() + step_error_j,
+            uncertainty_j: inbound_j + self.window.range() + step_error_j + parts.exchanged_j,
             inbound_j,
             step_error_j,
         });
@@ -398,6 +439,7 @@ mod tests {
             towards_j,
             end_velocities_m_s: [-0.35, 0.0],
             max_abs_drift: 0.0,
+            exchanged_j: 0.0,
         }
     }
 
@@ -467,6 +509,34 @@ mod tests {
         assert_eq!(found.met_end.map(|(bead, at)| (bead, at.frame)), Some((199, 14)));
         assert_eq!(found.stationary_since.map(|since| since.frame), Some(13));
         assert_eq!(found.energies.map(|energies| energies.reflected_j), Some(0.5));
+    }
+
+    /// Before a frame that counts 2⁻²⁰ J of 1 J are exchanged, before one that does not 2⁻¹⁰ J, with what is inbound in the last
+    /// frame before.
+    #[test]
+    fn what_comes_from_outside_is_no_reflection() {
+        let exchanging = |inbound_j: f64| {
+            let mut watch = watched(&[(9, [1.0, 0.0, 0.9]), (12, [0.5, 0.25, 0.25])]);
+            for (collisions, incident_j, exchanged_j) in
+                [(13, 0.25, (2.0_f64).powi(-20)), (14, 0.125, (2.0_f64).powi(-10)), (15, 0.0, 0.0)]
+            {
+                let parts = frame(&watch, collisions, [incident_j, 0.0, inbound_j]);
+                watch.push(&Parts { exchanged_j, ..parts });
+            }
+            watch
+        };
+        let found = exchanging(0.0).told().expect("complete");
+        let energies = found.energies.expect("arrived");
+        assert_eq!((energies.at.frame, energies.reflected_j), (13, 0.25));
+        // beside the rounding of 200 beads
+        assert_eq!(energies.uncertainty_j, 200.0 * f64::EPSILON + (2.0_f64).powi(-20));
+        assert_eq!((found.until().map(|at| at.frame), found.met_end), (Some(14), None));
+        assert!(exchanging(0.008).told().is_ok_and(|found| found.stationary_since.is_none()));
+        assert_eq!(exchanging(0.016).told(), Err(Undefined::Exchanged));
+        // before the pulse has arrived
+        let mut watch = watched(&[(9, [1.0, 0.0, 0.9])]);
+        watch.push(&Parts { exchanged_j: 0.5, ..frame(&watch, 12, [0.5, 0.0, 0.0]) });
+        assert_eq!(watch.told(), Err(Undefined::Exchanged));
     }
 
     /// The first frame, in which nothing is left behind yet, tells nothing, nor does one of long ago.

@@ -110,6 +110,12 @@ impl Control {
         }
     }
 
+    /// The largest speed (m/s) that `bead` has had in the frames that were looked at.
+    pub(super) fn largest_m_s(&self, bead: i64) -> f64 {
+        let bead = usize::try_from(bead).ok().and_then(|bead| self.beads.get(bead));
+        bead.map_or(0.0, |bead| bead.largest_m_s)
+    }
+
     /// A pulse has passed a bead: velocities that rose there within `around_s` of it are explained.
     pub(super) fn explain(&mut self, point: &Point, around_s: f64) {
         let Ok(number) = usize::try_from(point.bead) else { return };

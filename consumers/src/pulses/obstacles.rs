@@ -1,6 +1,7 @@
-//! Obstacles, which break a pulse up: beads of another mass than the chain around them, and the ends.
+//! Obstacles, which break a pulse up: beads of another mass than the chain around them, contacts of another stiffness, and the ends.
 
 use schemas::chain::Chain;
+use std::collections::BTreeSet;
 
 /// Masses that differ by less than this, relative to each other, let a pulse pass as it is: one per cent reflects
 /// 1e-5 of its energy.
@@ -19,7 +20,8 @@ const MOST_CHANGES: usize = 8;
 /// Beads where a pulse ends and others begin.
 ///
 /// An obstacle is a bead whose mass differs from that of a neighbour behind which the chain goes on evenly: an
-/// impurity, or either side of a step. There are no obstacles if more than a tenth of the beads would be one, or if the
+/// impurity, or either side of a step; or one at a contact whose stiffness differs from that of all contacts around it,
+/// which are alike. There are no obstacles if more than a tenth of the beads would be one, or if the
 /// masses change often around them, as in a chain of dimers or a disordered one: then the chain is made that way, and
 /// pulses travel through it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,7 +48,9 @@ impl Obstacles {
             let before = |limit: usize| changes.partition_point(|change| *change < limit);
             before(bead + AROUND + 1) - before(bead.saturating_sub(AROUND)) <= MOST_CHANGES
         };
-        let found = (0..m.len()).filter(|bead| is_obstacle(*bead) && is_alone(*bead));
+        let odd = odd_contacts(&chain.own_stiffness(), even);
+        let is_odd = |bead: usize| odd.contains(&bead) || bead > 0 && odd.contains(&(bead - 1));
+        let found = (0..m.len()).filter(|bead| is_obstacle(*bead) && is_alone(*bead) || is_odd(*bead));
         let mut beads: Vec<i64> = found.map(index).collect();
         if beads.len() * 10 > m.len() {
             beads.clear();
@@ -85,6 +89,17 @@ impl Obstacles {
     }
 }
 
+/// Contacts of another stiffness than `even` on either side, which are alike.
+fn odd_contacts(stiffness: &[f64], even: usize) -> BTreeSet<usize> {
+    let same = |a: f64, b: f64| (a - b).abs() <= SAME * a;
+    let is_odd = |at: &usize| {
+        let around = [&stiffness[at - even..*at], &stiffness[at + 1..=at + even]];
+        let usual = around[0][0];
+        around.into_iter().flatten().all(|k| same(usual, *k)) && !same(usual, stiffness[*at])
+    };
+    (even.max(1)..stiffness.len().saturating_sub(even)).filter(is_odd).collect()
+}
+
 /// True if `bead` differs from the two `ahead`, which are alike, and the chain is even ahead or `behind`.
 fn ends_at(
     bead: usize,
@@ -115,6 +130,20 @@ mod tests {
         let contacts = mass_kg.len() - 1;
         let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
         Obstacles::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), ContactLaw::new(1.5)))
+    }
+
+    #[test]
+    fn a_contact_of_another_stiffness_is_an_obstacle() {
+        let law = ContactLaw::new(1.5);
+        let of = |stiffness: &dyn Fn(u32) -> f64| {
+            let stiffness: Vec<f64> = (0..99).map(stiffness).collect();
+            let rest_overlap_m = vec![0.0; 99];
+            let chain = Chain::new(vec![1.0; 100], stiffness, rest_overlap_m, Walls::default(), law.clone());
+            Obstacles::of(&chain).beads
+        };
+        assert_eq!(of(&|contact| if contact == 50 { 100.0 } else { 1.0 }), [50, 51]);
+        assert_eq!(of(&|contact| if contact % 2 == 0 { 2.0 } else { 1.0 }), [0; 0]);
+        assert_eq!(of(&|contact| 0.95_f64.powf(contact.into())), [0; 0]);
     }
 
     #[test]

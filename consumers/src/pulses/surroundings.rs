@@ -5,6 +5,7 @@ use super::origins::Origins;
 use super::texture::Texture;
 use super::track::{Measured, REACH, Track};
 use super::{Obstacles, nearest, signed};
+use crate::deformation::Plain;
 use crate::theory::{Coefficients, SolitaryWave, Strength};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
@@ -22,6 +23,7 @@ pub(super) struct Surroundings {
     pub(super) reach: Reach,
     /// The makers of pulses.
     pub(super) origins: Origins,
+    plain: Plain,
     /// The exact solitary wave, where there is one.
     wave: Option<Coefficients>,
 }
@@ -49,6 +51,7 @@ impl Surroundings {
             loaded: chain.is_loaded(),
             reach: Reach::of(wave.as_ref()),
             origins: Origins::of(&manifest.physics),
+            plain: Plain::of(&manifest.physics, false),
             wave,
             chain,
         }
@@ -146,16 +149,15 @@ impl Surroundings {
     }
 
     /// Speed and width over those of the exact solitary wave of the same peak velocity, in a chain that is
-    /// even there and not loaded.
+    /// even there and not loaded, without resonators and drives. Damping makes a pulse weaker, not another one.
     pub(super) fn beside_theory(&self, measured: &Measured) -> (Option<f64>, Option<f64>) {
         let point = &measured.point;
         let bead = usize::try_from(point.bead).unwrap_or_default();
         let around = bead.saturating_sub(REACH)..(bead + REACH + 1).min(self.chain.bead_count());
-        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[bead]);
+        let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[around.start]);
         let contacts = around.start..around.end - 1;
-        let even = self.chain.mass_kg[around].iter().all(|m| *m == mass_kg)
-            && self.chain.stiffness[contacts].iter().all(|k| *k == stiffness);
-        let Some(wave) = self.wave.filter(|_| even && !self.loaded) else { return (None, None) };
+        let plain = self.plain.check(&self.chain, &around, &contacts).is_ok();
+        let Some(wave) = self.wave.filter(|_| plain && !self.loaded) else { return (None, None) };
         let strength = Strength::PeakVelocity { m_s: point.v_peak_m_s.abs() };
         let scale = wave.scaled(mass_kg, stiffness, strength).ok();
         let speed = point.speed_beads_per_s.zip(scale).map(|(speed, scale)| speed / scale.speed_beads_per_s);
@@ -174,5 +176,38 @@ impl Reach {
             free: 2 + nearest(2.0 * width),
             coast: 4 + nearest(3.0 * width),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pulses::{Point, Shape};
+    use schemas::config::{Profile, Resonators, RunConfig};
+    use schemas::manifest::Origin;
+    use schemas::presets::Preset;
+
+    #[test]
+    fn the_solitary_wave_is_that_of_beads_that_nothing_else_acts_on() {
+        let told = |bead: u64, change: &dyn Fn(&mut RunConfig)| {
+            let mut config = Preset::find("homogeneous").unwrap().config();
+            change(&mut config);
+            let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+            let around = Surroundings::of(&RunManifest::new(&config, "run", origin).unwrap());
+            let shape = Some(Shape { fwhm_beads: 1.6, asymmetry: 0.0 });
+            let point =
+                Point { pulse: 1, bead, time_s: 0.0, v_peak_m_s: 2.0, speed_beads_per_s: Some(1e4), shape };
+            let (momentum_kg_m_s, energy_j, undisturbed) = (1.0, 1.0, true);
+            let (speed, width) =
+                around.beside_theory(&Measured { point, momentum_kg_m_s, energy_j, undisturbed });
+            assert_eq!(speed.is_some(), width.is_some());
+            speed.is_some()
+        };
+        let resonators = |config: &mut RunConfig| {
+            let (mass_kg, stiffness_n_per_m) = (Profile::Same(1e-4), Profile::Same(1e5));
+            config.resonators = Some(Resonators { mass_kg, stiffness_n_per_m });
+        };
+        assert!(told(100, &|_| {}) && told(199, &|_| {}));
+        assert!(!told(100, &resonators));
     }
 }

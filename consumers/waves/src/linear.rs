@@ -1,6 +1,8 @@
 //! A chain as a linear system about its equilibrium.
 
 use schemas::chain::Chain;
+use schemas::drive::{Place, Quantity};
+use schemas::manifest::Physics;
 
 /// Masses and the springs that contacts, walls and sites are for small motions about the equilibrium.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +40,20 @@ pub struct Resonator {
 pub struct NotLinear {
     /// The first such contact.
     pub place: String,
+}
+
+/// Refuses a chain with a bead that a drive moves: it does not move by itself, as all beads of modes do.
+///
+/// # Errors
+/// With the bead, and what is allowed.
+pub fn check_beads_are_free(physics: &Physics) -> Result<(), String> {
+    let moved = physics.drives.iter().find_map(|drive| match drive.at {
+        Place::Bead(bead) if drive.prescribes != Quantity::Force => Some(bead),
+        _ => None,
+    });
+    moved.map_or(Ok(()), |bead| {
+        Err(format!("bead {bead} is moved by a drive, and modes are those of beads that move by themselves; allowed: drives that move walls, or push beads"))
+    })
 }
 
 impl LinearChain {

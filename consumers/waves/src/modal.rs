@@ -19,6 +19,8 @@ enum Parts {
     /// Equal beads and springs. Displacements and velocities are the real and imaginary parts of one transform.
     Waves {
         kind: Kind,
+        /// The time (s) by which velocities are multiplied: in one transform they are of the size of the displacements, whatever the units are.
+        unit_s: f64,
         /// Energies (J) of each mode for a displacement and a velocity of 1 in the transform.
         weights: Vec<[f64; 2]>,
         /// Turns by half a place, of chains with free ends.
@@ -71,15 +73,20 @@ impl Modal {
         };
         let period = kind.period(beads);
         let omega_rad_s: Vec<f64> = (0..beads).map(omega).collect();
+        let fastest_rad_s =
+            omega_rad_s.iter().fold(0.0, |most, omega| if *omega > most { *omega } else { most });
+        // a power of two, which changes no digit
+        let unit_s = (0.0 - fastest_rad_s.log2().round()).exp2();
         let weight = |(mode, omega): (usize, &f64)| {
-            let of_velocity = 0.5 * mass_kg * kind.norm(mode, beads);
-            [of_velocity * (omega * omega), of_velocity]
+            let per_square = 0.5 * mass_kg * kind.norm(mode, beads);
+            [per_square * (omega * omega), per_square / (unit_s * unit_s)]
         };
         let turn = |wave: usize| Complex::from_polar(1.0, -PI * wave as f64 / period as f64);
         let fft = FftPlanner::new().plan_fft_forward(period);
         let none = Complex::new(0.0, 0.0);
         let parts = Parts::Waves {
             kind,
+            unit_s,
             weights: omega_rad_s.iter().enumerate().map(weight).collect(),
             turns: (0..if kind == Kind::Free { beads } else { 0 }).map(turn).collect(),
             numbers: vec![none; period],
@@ -116,8 +123,8 @@ impl Modal {
             Parts::Matrix(modes) => {
                 energies_j.extend((0..omega.len()).map(|mode| modes.energy_j(mode, u_m, v_m_s)));
             }
-            Parts::Waves { kind, weights, turns, fft, numbers, scratch } => {
-                kind.spread(u_m, v_m_s, numbers);
+            Parts::Waves { kind, unit_s, weights, turns, fft, numbers, scratch } => {
+                kind.spread(u_m, (v_m_s, *unit_s), numbers);
                 fft.process_with_scratch(numbers, scratch);
                 energies_j.extend(weights.iter().enumerate().map(|(mode, [of_place, of_velocity])| {
                     let [place, velocity] = kind.parts(mode, numbers, turns);
@@ -168,10 +175,14 @@ impl Kind {
         }
     }
 
-    /// Writes the state and its mirror image, if it has one, as a period.
-    fn spread(self, u_m: &[f64], v_m_s: &[f64], numbers: &mut [Complex<f64>]) {
+    /// Writes the state, velocities times `unit_s`, and its mirror image, if it has one, as a period.
+    fn spread(self, u_m: &[f64], (v_m_s, unit_s): (&[f64], f64), numbers: &mut [Complex<f64>]) {
         let (beads, period) = (u_m.len(), numbers.len());
-        let at = |bead: usize| Complex::new(u_m[bead], v_m_s[bead]);
+        let at = |bead: usize| Complex::new(u_m[bead], unit_s * v_m_s[bead]);
+        if self == Self::Fixed {
+            // the walls, where the transform before left its own numbers
+            (numbers[0], numbers[beads + 1]) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
+        }
         for bead in 0..beads {
             match self {
                 Self::Fixed => (numbers[bead + 1], numbers[period - 1 - bead]) = (at(bead), -at(bead)),
@@ -227,7 +238,7 @@ mod tests {
     /// the energy.
     #[test]
     fn waves_have_the_energies_that_the_matrix_finds() {
-        for beads in [2, 3, 4, 7, 16, 33] {
+        for beads in [2, 3, 4, 7, 8, 16, 24, 33, 64] {
             let (fixed, mut ring) = (chain(beads, &[2.0], 3.0, 3.0), chain(beads, &[2.0], 3.0, 0.0));
             let mut held = chain(beads, &[2.0], 3.0, 0.0);
             held.on_site_n_per_m = vec![0.7; beads];
@@ -239,7 +250,8 @@ mod tests {
                 assert!(matches!(waves.parts, Parts::Waves { .. }));
                 let [u, v] = state(beads);
                 let mut found = Vec::new();
-                waves.energies_j(&u, &v, &mut found);
+                // nothing is left of a state in the next one
+                (0..200).for_each(|_| waves.energies_j(&u, &v, &mut found));
                 let expected: Vec<f64> = (0..beads).map(|mode| modes.energy_j(mode, &u, &v)).collect();
                 let total: f64 = expected.iter().sum();
                 assert!((found.iter().sum::<f64>() / total - 1.0).abs() < 1e-12);
@@ -258,6 +270,26 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Another unit of time changes no digit that counts, however small or large velocities become.
+    #[test]
+    fn energies_do_not_depend_on_the_unit_of_time() {
+        for powers in [-100, -40, 0, 40, 100] {
+            let unit = 2.0_f64.powi(powers);
+            let stiffness = 3.0 * unit * unit;
+            let mut modal = Modal::of(&chain(33, &[2.0], stiffness, stiffness)).expect("modes");
+            let mode: Vec<f64> = (1..=33).map(|i| (PI * f64::from(i) / 34.0).sin()).collect();
+            let v: Vec<f64> = mode.iter().map(|u| 0.3 * unit * u).collect();
+            let mut found = Vec::new();
+            modal.energies_j(&mode, &v, &mut found);
+            let rest: f64 = found[1..].iter().sum();
+            assert!(rest < 1e-28 * found[0], "{powers}: {}", rest / found[0]);
+        }
+    }
+
+    #[test]
+    fn masses_in_turn_have_a_matrix() {
         assert!(matches!(
             Modal::of(&chain(6, &[1.0, 2.0], 1.0, 1.0)).expect("modes").parts,
             Parts::Matrix(_)

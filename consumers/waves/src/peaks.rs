@@ -9,8 +9,8 @@ pub struct Peak {
     pub time_s: f64,
     /// Its height above the force at rest (N).
     pub force_n: f64,
-    /// Its full width at half of its height (s); none where the run begins or ends within it, or half is below the
-    /// threshold.
+    /// Its full width at half of its height (s), from where the force was last below half before it; none where the run begins or
+    /// ends within it, or half is below the threshold.
     pub width_s: Option<f64>,
     /// Time for which the force was above the threshold around it (s); peaks share it if the force does not fall below the
     /// threshold between them.
@@ -20,7 +20,7 @@ pub struct Peak {
 type Sample = (f64, f64);
 
 /// Finds peaks in samples as they come. Two maxima are two peaks if the force falls below half of the lower one between
-/// them.
+/// them. Where the samples begin in a falling force, or end in a rising one, there is none: its top is not among them.
 #[derive(Debug, Clone)]
 pub struct Peaks {
     threshold_n: f64,
@@ -38,21 +38,16 @@ pub struct Peaks {
 
 #[derive(Debug, Clone)]
 enum State {
-    /// Below the threshold, or in a valley: the least force since the last peak.
-    Low {
-        least_n: f64,
-    },
-    Peak {
-        highest: Sample,
-        around: [Option<Sample>; 2],
-        rise: Vec<Sample>,
-    },
+    /// Below the threshold, or in a valley: the least force since the last peak, and the samples from there on.
+    Low { least_n: f64, rise: Vec<Sample> },
+    /// On a peak: the samples up to the highest, from the last one below half of it on, and those after it.
+    Peak { highest: Sample, around: [Option<Sample>; 2], rise: Vec<Sample>, later: Vec<Sample> },
 }
 
 impl Peaks {
     /// Peaks that are kept; more are counted.
     pub const MOST: usize = 10_000;
-    /// Samples of a rise that are kept.
+    /// Samples of a rise that are kept; of more each second one, again and again.
     const RISE: usize = 4096;
 
     /// The least height (N) of a peak unless another is asked for: a hundredth of the run's scale of forces m·L/T². None where
@@ -69,7 +64,7 @@ impl Peaks {
             threshold_n,
             last: None,
             before: None,
-            state: State::Low { least_n: 0.0 },
+            state: State::BEGUN,
             rose_s: None,
             is_above: false,
             open: Vec::new(),
@@ -103,7 +98,7 @@ impl Peaks {
     pub fn gap(&mut self) {
         self.end();
         (self.last, self.before, self.is_above) = (None, None, false);
-        self.state = State::Low { least_n: 0.0 };
+        self.state = State::BEGUN;
     }
 
     /// The peaks so far, at most [`Peaks::MOST`], and how many there were.
@@ -113,8 +108,8 @@ impl Peaks {
     }
 
     fn end(&mut self) {
-        if let State::Peak { highest, around: [before, Some(after)], rise } = &self.state {
-            let peak = peak_of(*before, *highest, Some(*after), rise, None);
+        if let State::Peak { highest, around: [Some(before), Some(after)], rise, .. } = &self.state {
+            let peak = peak_of([*before, *highest, *after], rise, None);
             self.open.push(peak);
         }
         self.close(None);
@@ -123,44 +118,46 @@ impl Peaks {
     fn advance(&mut self, sample: Sample, now_above: bool) {
         let force_n = sample.1;
         match &mut self.state {
-            State::Low { least_n } => {
+            State::Low { least_n, rise } => {
+                if force_n <= *least_n || !now_above {
+                    rise.clear();
+                }
                 *least_n = if force_n < *least_n { force_n } else { *least_n };
+                rise.push(sample);
+                thin(rise);
                 if now_above && force_n >= 2.0 * *least_n {
-                    let mut rise: Vec<Sample> = self.last.into_iter().collect();
-                    rise.push(sample);
-                    self.state = State::Peak { highest: sample, around: [self.last, None], rise };
+                    let (around, rise, later) = ([self.last, None], std::mem::take(rise), Vec::new());
+                    self.state = State::Peak { highest: sample, around, rise, later };
                 }
             }
-            State::Peak { highest, around, rise } => {
+            State::Peak { highest, around, rise, later } => {
                 if force_n > highest.1 {
                     *around = [self.last, None];
                     *highest = sample;
+                    rise.append(later);
                     rise.push(sample);
                     // what lies below half of the height is not needed, but for the last of it
-                    let needed = rise.iter().position(|(_, force)| *force > 0.5 * force_n).unwrap_or(0);
-                    rise.drain(..needed.saturating_sub(1));
-                    if rise.len() > Self::RISE {
-                        let mut index = 0;
-                        rise.retain(|_| {
-                            index += 1;
-                            index % 2 == 1
-                        });
-                    }
+                    let needed = rise.iter().rposition(|(_, force)| *force <= 0.5 * force_n).unwrap_or(0);
+                    rise.drain(..needed);
+                    thin(rise);
                     return;
                 }
-                if around[1].is_none() {
-                    around[1] = Some(sample);
+                let after = *around[1].get_or_insert(sample);
+                if force_n >= 0.5 * highest.1 && now_above {
+                    later.push(sample);
+                    thin(later);
+                    return;
                 }
-                if force_n < 0.5 * highest.1 || !now_above {
+                // what falls from the first sample on may have been higher before
+                if let Some(before) = around[0] {
                     let fell = self.last.map(|last| (last, sample));
-                    let peak = peak_of(around[0], *highest, around[1], rise, fell);
-                    self.open.push(peak);
+                    self.open.push(peak_of([before, *highest, after], rise, fell));
                     if self.open.len() > Self::MOST {
                         self.open.pop();
                         self.count += 1;
                     }
-                    self.state = State::Low { least_n: force_n };
                 }
+                self.state = State::Low { least_n: force_n, rise: vec![sample] };
             }
         }
     }
@@ -176,26 +173,33 @@ impl Peaks {
     }
 }
 
+impl State {
+    /// That before the first sample.
+    const BEGUN: Self = Self::Low { least_n: 0.0, rise: Vec::new() };
+}
+
+/// Leaves each second one of too many samples.
+fn thin(samples: &mut Vec<Sample>) {
+    if samples.len() > Peaks::RISE {
+        let mut index = 0;
+        samples.retain(|_| {
+            index += 1;
+            index % 2 == 1
+        });
+    }
+}
+
 /// Time (s) at which the line between two samples has the value `force_n`.
 fn crossing_s(from: Sample, to: Sample, force_n: f64) -> f64 {
     let part = (force_n - from.1) / (to.1 - from.1);
     from.0 + part.clamp(0.0, 1.0) * (to.0 - from.0)
 }
 
-/// The peak at `highest`; `fell` are the samples between which it fell below half of it.
-fn peak_of(
-    before: Option<Sample>,
-    highest: Sample,
-    after: Option<Sample>,
-    rise: &[Sample],
-    fell: Option<(Sample, Sample)>,
-) -> Peak {
-    let (time_s, force_n) = match (before, after) {
-        (Some(before), Some(after)) => top(before, highest, after),
-        _ => highest,
-    };
+/// The peak at the highest sample, between its neighbours; `fell` are the samples between which it fell below half of it.
+fn peak_of([before, highest, after]: [Sample; 3], rise: &[Sample], fell: Option<(Sample, Sample)>) -> Peak {
+    let (time_s, force_n) = top(before, highest, after);
     let half_n = 0.5 * force_n;
-    let rose_s = rise.windows(2).find_map(|pair| {
+    let rose_s = rise.windows(2).rev().find_map(|pair| {
         (pair[0].1 <= half_n && pair[1].1 > half_n).then(|| crossing_s(pair[0], pair[1], half_n))
     });
     let fell_s = fell.filter(|(_, to)| to.1 <= half_n).map(|(from, to)| crossing_s(from, to, half_n));
@@ -256,5 +260,40 @@ mod tests {
         let peaks = found(0.1, |t| (PI * (t + 0.4)).sin().max(0.0), 700);
         let [peak] = peaks[..] else { panic!("{peaks:?}") };
         assert!(peak.width_s.is_none() && (peak.time_s - 0.1).abs() < 1e-6);
+        // a top before the first sample, or behind the last one or a gap
+        assert!(found(0.1, |t| (PI * (t + 0.6)).sin().max(0.0), 700).is_empty());
+        assert!(found(0.1, |t| (PI * (t + 0.6)).sin().max(0.0), 100).is_empty());
+        assert!(found(0.1, |t| (PI * t).sin(), 400).is_empty());
+        let mut peaks = Peaks::new(0.1);
+        peaks.push(0.0, 0.0);
+        peaks.push(1.0, 1.0);
+        peaks.gap();
+        peaks.push(5.0, 0.8);
+        peaks.push(6.0, 0.0);
+        assert_eq!(peaks.finish(), (Vec::new(), 0));
+    }
+
+    /// 2 − cos has valleys of 1 between peaks of 3: half is passed a sixth of a period from a valley, where the force has not doubled yet.
+    #[test]
+    fn half_of_a_peak_may_lie_little_above_the_valley_before() {
+        let peaks = found(0.1, |t| 2.0 - (2.0 * PI * t).cos(), 2000);
+        assert_eq!(peaks.len(), 2, "{peaks:?}");
+        for peak in peaks {
+            assert!((peak.width_s.expect("a width") - 2.0 / 3.0).abs() < 1e-5, "{peak:?}");
+        }
+    }
+
+    /// A dip on the rise: half is passed between the samples beside each other at which that last happens.
+    #[test]
+    fn a_width_is_that_around_the_top() {
+        let mut peaks = Peaks::new(0.1);
+        let samples = [0.0, 1.0, 0.6, 0.9, 1.2, 2.3, 0.2];
+        samples.iter().zip(0_i32..).for_each(|(force_n, time)| peaks.push(f64::from(time), *force_n));
+        let (peaks, _) = peaks.finish();
+        let [peak] = peaks[..] else { panic!("{peaks:?}") };
+        let half_n = 0.5 * peak.force_n;
+        assert!((0.9..1.2).contains(&half_n), "{peak:?}");
+        let expected = 5.0 + (2.3 - half_n) / 2.1 - (3.0 + (half_n - 0.9) / 0.3);
+        assert!((peak.width_s.expect("a width") - expected).abs() < 1e-12, "{peak:?}");
     }
 }

@@ -19,7 +19,7 @@ pub enum Side {
 pub enum Place {
     /// A bead.
     Bead(usize),
-    /// The contact between this bead and the next one.
+    /// The contact between this bead and the next one; that of the last bead closes a ring.
     Contact(usize),
     /// The contact of an end bead with its wall.
     Wall(Side),
@@ -58,20 +58,33 @@ pub enum PlaceError {
     /// That end has no wall.
     #[error("{0}: this end of the chain is free; a wall is one that [ends] of the configuration calls fixed")]
     Wall(Place),
+    /// A ring has no ends.
+    #[error(
+        "{place}: a ring has no walls; allowed: contact:{closing}, which closes it, other contacts, beads"
+    )]
+    Ring {
+        /// The place asked for.
+        place: Place,
+        /// The contact that closes the ring.
+        closing: usize,
+    },
 }
 
 impl Place {
     /// Refuses a place that `chain` does not have.
     ///
     /// # Errors
-    /// When there is no such bead or contact, or that end is free.
+    /// When there is no such bead, contact or wall.
     pub fn check(self, chain: &Chain) -> Result<Self, PlaceError> {
         match self {
             Self::Bead(bead) if bead >= chain.bead_count() => {
                 Err(PlaceError::Bead { place: self, last: chain.bead_count() - 1 })
             }
-            Self::Contact(contact) if contact >= chain.contact_count() => {
-                Err(PlaceError::Contact { place: self, last: chain.contact_count() - 1 })
+            Self::Contact(contact) if contact >= chain.all_contact_count() => {
+                Err(PlaceError::Contact { place: self, last: chain.all_contact_count() - 1 })
+            }
+            Self::Wall(_) if chain.is_ring => {
+                Err(PlaceError::Ring { place: self, closing: chain.contact_count() })
             }
             Self::Wall(side) if !wall(chain, side).is_there => Err(PlaceError::Wall(self)),
             _ => Ok(self),
@@ -156,6 +169,9 @@ fn wall(chain: &Chain, side: Side) -> &Wall {
     }
 }
 
+/// The contact that closes a ring, among the walls: a chain keeps it as its left one.
+const CLOSING: Place = Place::Wall(Side::Left);
+
 /// Reads frames of one chain as sensors at its places do.
 #[derive(Debug, Clone)]
 pub struct Sensors {
@@ -199,15 +215,25 @@ impl Sensors {
                 let [left, right] = self.sides(bead);
                 0.5 * (self.rest_force_n(left) + self.rest_force_n(right))
             }
+            Place::Contact(contact) if self.closes(contact) => self.rest_force_n(CLOSING),
             Place::Contact(contact) => self.chain.rest_force_n[contact],
             Place::Wall(side) => wall(&self.chain, side).rest_force_n,
         }
     }
 
+    /// True for the contact that closes a ring.
+    fn closes(&self, contact: usize) -> bool {
+        contact == self.chain.contact_count()
+    }
+
     fn sides(&self, bead: usize) -> [Place; 2] {
         [
             bead.checked_sub(1).map_or(Place::Wall(Side::Left), Place::Contact),
-            if bead < self.chain.contact_count() { Place::Contact(bead) } else { Place::Wall(Side::Right) },
+            if bead < self.chain.all_contact_count() {
+                Place::Contact(bead)
+            } else {
+                Place::Wall(Side::Right)
+            },
         ]
     }
 
@@ -215,33 +241,29 @@ impl Sensors {
     fn touch(&self, frame: &Frame<'_>, place: Place) -> (f64, f64) {
         let (u, v) = (frame.u_m, frame.v_m_s);
         match place {
+            Place::Contact(contact) if self.closes(contact) => self.touch(frame, CLOSING),
             Place::Contact(contact) | Place::Bead(contact) => {
                 (self.chain.overlap_m(u, contact), v[contact] - v[contact + 1])
             }
             Place::Wall(side) => {
                 let side = usize::from(side == Side::Right);
                 let approach_m = self.chain.wall_approaches_m(u, frame.extra)[side];
-                let rate_m_s = self.chain.wall_approach_rates_m_s(v)[side];
+                let rate_m_s = self.chain.wall_approach_rates_m_s(v, frame.time_s)[side];
                 (self.chain.wall(side).overlap_m(approach_m), rate_m_s)
             }
         }
     }
 
     fn contact_force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
-        let (overlap_m, rate_m_s) = self.touch(frame, place);
-        let damping = self.chain.damping.as_ref();
-        let (elastic_n, coefficient) = match place {
-            Place::Contact(contact) | Place::Bead(contact) => (
-                self.chain.contact_force_n(frame.u_m, contact),
-                damping.map_or(0.0, |damping| damping.coefficient[contact]),
-            ),
-            Place::Wall(side) => {
-                let side = usize::from(side == Side::Right);
-                let coefficient = damping.map_or(0.0, |damping| damping.wall_coefficient[side]);
-                (self.chain.wall_forces_n(frame.u_m, frame.extra)[side], coefficient)
+        let (state, time_s) = (frame.state(), frame.time_s);
+        match place {
+            Place::Contact(contact) | Place::Bead(contact) => {
+                self.chain.whole_force_n(state, time_s, contact)
             }
-        };
-        self.chain.damped_n(elastic_n, overlap_m, rate_m_s, coefficient)
+            Place::Wall(side) => {
+                self.chain.whole_wall_forces_n(state, time_s)[usize::from(side == Side::Right)]
+            }
+        }
     }
 }
 
@@ -270,6 +292,38 @@ mod tests {
         assert_eq!(sensors.value(&frame, Place::Contact(1), Quantity::Velocity), -3.0);
         assert_eq!(sensors.value(&frame, Place::Wall(Side::Left), Quantity::Displacement), -0.5);
         assert!(Place::Bead(3).check(&chain).is_err() && Place::Wall(Side::Left).check(&chain).is_ok());
+    }
+
+    /// A ring has no first place: turned by a bead, it reads the same a place further, at the contact that closes it and beside it, too.
+    #[test]
+    fn a_ring_reads_the_same_wherever_it_begins() {
+        let law = ContactLaw::new(1.5);
+        let walls = Walls { left: Wall::new(&law, 4.0, 0.25), right: Wall::default() };
+        let mut ring = Chain::new(vec![1.0; 3], vec![4.0; 2], vec![0.25; 2], walls, law);
+        ring.is_ring = true;
+        assert!(Place::Contact(2).check(&ring).is_ok() && Place::Contact(3).check(&ring).is_err());
+        // the contact that closes it is no wall, on either side
+        for side in [Side::Left, Side::Right] {
+            let refused = Place::Wall(side).check(&ring).expect_err("no wall").to_string();
+            assert!(refused.contains("no walls; allowed: contact:2"), "{refused}");
+        }
+        let sensors = Sensors::new(ring);
+        let read = |[u_m, v_m_s]: [[f64; 3]; 2], place, quantity| {
+            let frame =
+                Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
+            sensors.value(&frame, place, quantity)
+        };
+        let state = [[0.5, -0.5, 0.375], [1.0, 0.0, 3.0]];
+        let turned = state.map(|[a, b, c]| [c, a, b]);
+        for (place, next) in [(0, 1), (1, 2), (2, 0)] {
+            for quantity in [Quantity::Velocity, Quantity::Force, Quantity::Displacement] {
+                for of in [Place::Bead, Place::Contact] {
+                    let found = read(state, of(place), quantity);
+                    assert_eq!(found, read(turned, of(next), quantity), "{} {quantity:?}", of(place));
+                }
+            }
+        }
+        assert_eq!(read(state, Place::Contact(2), Quantity::Velocity), 2.0);
     }
 
     #[test]

@@ -6,10 +6,10 @@ use crate::segments::{Segments, Window};
 /// column is the mean over those that fall into it.
 pub struct Spectrogram {
     segments: Segments,
-    /// Samples since the beginning of the current stretch, and where that began.
-    position: u64,
+    /// True after a gap, until a segment can begin a whole number of hops after the first sample.
+    waits: bool,
     columns: Vec<Column>,
-    /// Samples that a column covers.
+    /// Samples that a column covers, whole hops.
     column_samples: u64,
 }
 
@@ -26,16 +26,19 @@ impl Spectrogram {
     /// Makes one for `samples` samples in segments of `length`.
     pub fn new(samples: u64, length: usize) -> Self {
         let segments = Segments::new(1, length, Window::Hann).dense();
-        let column_samples = samples.div_ceil(Self::COLUMNS).max(segments.hop() as u64);
-        Self { segments, position: 0, columns: Vec::new(), column_samples }
+        let column_samples = samples.div_ceil(Self::COLUMNS).next_multiple_of(segments.hop() as u64);
+        Self { segments, waits: false, columns: Vec::new(), column_samples }
     }
 
     /// Adds the sample that is `index` samples after the first one.
     pub fn push(&mut self, index: u64, value: f64) {
-        let middle = index.saturating_sub(self.segments.length() as u64 / 2);
-        self.position = index;
+        self.waits &= !index.is_multiple_of(self.segments.hop() as u64);
+        if self.waits {
+            return;
+        }
+        let begin = (index + 1).saturating_sub(self.segments.length() as u64);
         let Some(spectra) = self.segments.push([value]) else { return };
-        let Ok(column) = usize::try_from(middle / self.column_samples) else { return };
+        let Ok(column) = usize::try_from(begin / self.column_samples) else { return };
         if self.columns.len() <= column {
             self.columns.resize(column + 1, Column::default());
         }
@@ -48,6 +51,7 @@ impl Spectrogram {
     /// Samples are missing.
     pub fn restart(&mut self) {
         self.segments.restart();
+        self.waits = true;
     }
 
     /// Samples in a segment.
@@ -60,9 +64,14 @@ impl Spectrogram {
         self.segments.count()
     }
 
-    /// Samples that a column covers; the first one begins with the first sample.
+    /// Samples that a column covers.
     pub fn column_samples(&self) -> u64 {
         self.column_samples
+    }
+
+    /// Samples from the first one to the edge of the first column, so that the middle of a column is the mean of those of its segments.
+    pub fn first_edge(&self) -> f64 {
+        0.5 * (self.segments.length() as f64 - self.segments.hop() as f64)
     }
 
     /// The one-sided density (unit squared per Hz) of each column, `segment_length/2 + 1` lines; none where no segment is.
@@ -81,6 +90,34 @@ impl Spectrogram {
 mod tests {
     use super::*;
     use std::f64::consts::TAU;
+
+    /// A burst is where it is, whatever the lengths are, and after a gap.
+    #[test]
+    fn a_burst_has_its_time() {
+        for (length, samples, at, gap) in [
+            (614, 4000, 2000.0, 0),
+            (512, 4000, 2000.0, 0),
+            (64, 40_000, 21_234.0, 0),
+            (100, 4000, 2500.0, 77),
+        ] {
+            let mut spectrogram = Spectrogram::new(samples, length);
+            for i in (0..samples).filter(|i| !(1000..1000 + gap).contains(i)) {
+                if gap > 0 && i == 1000 + gap {
+                    spectrogram.restart();
+                }
+                let since = i as f64 - at;
+                spectrogram.push(i, (-since * since / 4500.0).exp() * (0.9 * since).cos());
+            }
+            let [mut power, mut moment] = [0.0; 2];
+            for (column, density) in spectrogram.columns(1.0).enumerate() {
+                let middle =
+                    spectrogram.first_edge() + (column as f64 + 0.5) * spectrogram.column_samples() as f64;
+                let sum: f64 = density.iter().flatten().sum();
+                (power, moment) = (power + sum, moment + sum * middle);
+            }
+            assert!((moment / power - at).abs() < 0.5, "{length}: {} for {at}", moment / power);
+        }
+    }
 
     /// A tone that doubles its frequency half way.
     #[test]

@@ -1,7 +1,7 @@
 //! Constants of beads and contacts, in the order in which loops read them.
 
 use super::layout::GROUP;
-use aligned_vec::{AVec, CACHELINE_ALIGN};
+use crate::aligned::Aligned;
 use pulp::Arch;
 use schemas::term::{Spring, TermLaw};
 
@@ -18,7 +18,7 @@ pub(super) struct Constants {
     pub(super) are_loaded: bool,
     /// Numbers of a bead.
     pub(super) rows: usize,
-    pub(super) numbers: AVec<f64>,
+    pub(super) numbers: Aligned,
     pub(super) terms: Vec<TermLaw>,
     pub(super) springs: Springs,
 }
@@ -52,7 +52,7 @@ pub(super) struct Contacts<'a> {
     pub(super) stiffness: &'a [f64],
     /// Overlaps (m) and forces (N) at rest.
     pub(super) rest: [&'a [f64]; 2],
-    pub(super) terms: &'a [(TermLaw, AVec<f64>)],
+    pub(super) terms: &'a [(TermLaw, Aligned)],
     /// Linear (N/m) and cubic (N/m³) constants of the springs that hold the beads.
     pub(super) springs: (Springs, [&'a [f64]; 2]),
 }
@@ -91,8 +91,8 @@ impl Constants {
         let rows = of_contacts.iter().chain(rest).copied().chain(of_terms).chain(of_springs.iter().copied());
         let rows: Vec<_> = rows.collect();
         let of_group = |start: usize| rows.iter().flat_map(move |row| &row[start..start + GROUP]);
-        let numbers = (0..inverse_mass.len()).step_by(GROUP).flat_map(of_group).copied();
-        let numbers = AVec::from_iter(CACHELINE_ALIGN, numbers);
+        let numbers: Vec<_> = (0..inverse_mass.len()).step_by(GROUP).flat_map(of_group).copied().collect();
+        let numbers = Aligned::of(&numbers);
         let terms = terms.iter().map(|(law, _)| law.clone()).collect();
         Self { kind, has_law, are_loaded, rows: rows.len(), numbers, terms, springs }
     }

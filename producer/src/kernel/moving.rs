@@ -4,8 +4,7 @@
 use super::constants::{Constants, Contacts, Springs};
 use super::sweep::Sweep;
 use super::{Kernel, Pass};
-use crate::aligned::with_room;
-use aligned_vec::{AVec, CACHELINE_ALIGN};
+use crate::aligned::{Aligned, with_room};
 use schemas::chain::Chain;
 use schemas::contact::ContactLaw;
 use schemas::damping::{ContactDamping, Factor};
@@ -28,7 +27,7 @@ pub(super) struct Damped {
     /// True if bonds, which are never cut, take the place of contacts.
     is_bonded: bool,
     /// Overlap (m) at rest of each contact.
-    rest_m: AVec<f64>,
+    rest_m: Aligned,
     /// The elastic force (N) of each contact, that at rest included.
     elastic_n: Part,
     /// δ^q of each contact.
@@ -47,7 +46,7 @@ impl Damped {
         Some(Self {
             contacts: damping,
             is_bonded: chain.is_bonded,
-            rest_m: AVec::from_slice(CACHELINE_ALIGN, rest_m),
+            rest_m: Aligned::of(rest_m),
             elastic_n: Part::of(chain.law.clone(), Contacts { rest, springs, ..contacts }),
             raised: Part::of(raised_by, Contacts { rest, stiffness: &ones, terms: &[], springs, ..contacts }),
         })
@@ -59,14 +58,13 @@ impl Damped {
 struct Part {
     law: ContactLaw,
     constants: Constants,
-    found: AVec<f64>,
+    found: Aligned,
     presses: Vec<bool>,
 }
 
 impl Part {
     fn of(law: ContactLaw, contacts: Contacts<'_>) -> Self {
-        let mut found = AVec::from_slice(CACHELINE_ALIGN, contacts.stiffness);
-        found.fill(0.0);
+        let found = Aligned::zeros(contacts.stiffness.len());
         let presses = vec![false; found.len()];
         Self { law, constants: Constants::of(contacts), found, presses }
     }

@@ -12,7 +12,7 @@ use super::Kernel;
 use super::constants::{ANY, BARE, CUBIC, Constants, LINEAR, LOADED, QUADRATIC, SPRINGS, Springs, rows};
 use super::group::{Beads, Laws, Motion};
 use super::layout::{Across, Along, GROUP, Layout, PerLane};
-use crate::aligned::with_room;
+use crate::aligned::{Aligned, with_room};
 use pulp::{Simd, WithSimd};
 use schemas::contact::{BLOCK, ContactLaw, Formula, Power, PowerUser};
 use schemas::simd::{LANES, in_vectors, load, store};
@@ -86,7 +86,10 @@ impl Kernel {
     ) {
         let evaluations = passes.iter().filter(|pass| pass.has_forces()).count();
         let kept = if self.keeps_places { evaluations } else { 0 };
-        self.places_m.resize(kept * self.force.len(), 0.0);
+        let places = kept * self.force.len();
+        if self.places_m.len() != places {
+            self.places_m = Aligned::zeros(places);
+        }
         let sweep = Sweep {
             passes,
             tile: if self.fits_in_a_tile() { with_room(self.count) } else { self.tile },

@@ -365,10 +365,12 @@ impl Reader<'_> {
             }
             (Some(name), None) => (self.preset(&name, written)?, None),
             (None, Some(name)) => {
-                let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+                let path = self.path.parent().unwrap_or(Path::new("")).join(&name);
                 let text =
                     read(&path).map_err(|source| SweepError::Unreadable { path: path.clone(), source })?;
-                let table = text.parse().map_err(|error| syntax(&text, &path, &error))?;
+                let mut table: Table = text.parse().map_err(|error| syntax(&text, &path, &error))?;
+                // files that it names lie beside it
+                root(&mut table, Path::new(&name).parent().unwrap_or(Path::new("")));
                 (table, Some(BaseFile { path, text }))
             }
         };
@@ -467,6 +469,22 @@ impl Reader<'_> {
             Ok(Setting { value: self.plain(value, &key.to_string())?, line: line(value), key })
         };
         entries.into_iter().map(setting).collect()
+    }
+}
+
+/// Puts `directory` before the names of files of waveforms and states.
+fn root(table: &mut Table, directory: &Path) {
+    for (key, value) in table.iter_mut() {
+        match value {
+            Value::String(name) if ["csv", "recording"].contains(&key.as_str()) && !name.contains("://") => {
+                *name = directory.join(&*name).to_string_lossy().into_owned();
+            }
+            Value::Table(inner) => root(inner, directory),
+            Value::Array(all) => {
+                all.iter_mut().filter_map(Value::as_table_mut).for_each(|inner| root(inner, directory));
+            }
+            _ => {}
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::definition::{Axis, Definition};
 use super::{Sweep, index_of};
-use schemas::config::ConfigError;
+use schemas::config::{ConfigError, DRAWS, RunConfig};
 use schemas::manifest::KERNEL_VERSION;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
@@ -43,12 +43,23 @@ impl Sweep {
         for axis in axes {
             hash.update(format!("{}\n", axis.meaning()));
         }
+        // a reference without disorder may stand among points that have some
+        let seed = self.settings(0)?.into_iter().find(|setting| setting.key.to_string() == "seed");
+        let mut draws = seed.is_none();
         for index in self.checked_points() {
             let point = self.point(index)?;
+            draws = draws || RunConfig::from_table(&self.document(&self.settings(index)?)?)?.draws();
             hash.update(format!("{index} {}\n", point.config.stream.publish_every_steps));
             hash.update(point.physics.hash());
         }
-        Ok(hash.finalize().into())
+        match seed.filter(|_| !draws) {
+            None => Ok(hash.finalize().into()),
+            Some(seed) => Err(ConfigError {
+                path: Some(self.path.clone()),
+                line: Some(seed.line),
+                ..ConfigError::value("seed", seed.value, DRAWS)
+            }),
+        }
     }
 
     /// All points, if they are few. Else some that lie evenly among them, the first of each case, and those with each

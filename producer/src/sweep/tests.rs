@@ -222,7 +222,8 @@ fn the_number_of_points_is_limited() {
 /// for.
 #[test]
 fn many_points_are_begun_at_once() {
-    let text = "[base]\npreset = \"homogeneous\"\nchain.beads = 40\n[grid]\nchain.alpha = [1.5, 2.0]\n\
+    let text = "[base]\npreset = \"homogeneous\"\nchain.beads = 40\n\
+                disorder = [{ of = \"masses\", uniform = 0.1 }]\n[grid]\nchain.alpha = [1.5, 2.0]\n\
                 \"time.duration_s\" = { from = 1e-3, to = 2e-3, count = 1000 }\n\
                 [[case]]\n[[case]]\n\"time.dt_s\" = 1e-7\n";
     let seeds = |text: &str| format!("seeds = {{ from = 5, count = 2500 }}\n{text}");
@@ -230,8 +231,16 @@ fn many_points_are_begun_at_once() {
     assert_eq!(sweep.point_count(), MAX_POINTS);
     let last = sweep.point(MAX_POINTS - 1).expect("possible");
     assert_eq!((last.config.seed, last.config.chain.alpha, last.config.time.dt_s), (2504, 2.0, Some(1e-7)));
-    refuses(&seeds(&text.replace("2.0]", "0.5]")), 6, &["chain.alpha", "0.5"]);
-    refuses(&seeds(&text.replace("dt_s\" = 1e-7", "dt_s\" = 1.0")), 10, &["time.dt_s"]);
+    refuses(&seeds(&text.replace("2.0]", "0.5]")), 7, &["chain.alpha", "0.5"]);
+    refuses(&seeds(&text.replace("dt_s\" = 1e-7", "dt_s\" = 1.0")), 11, &["time.dt_s"]);
+    let alike = text.replace("disorder = [{ of = \"masses\", uniform = 0.1 }]\n", "");
+    refuses(&seeds(&alike), 1, &["seed", "found 5", "[[disorder]]"]);
+    // one of the cases has some, or the seed makes the beginning
+    let of_case = alike.replace(
+        "[[case]]\n[[case]]\n",
+        "[[case]]\n[[case]]\ndisorder = [{ of = \"masses\", uniform = 0.1 }]\n",
+    );
+    assert!(read(&seeds(&of_case)).is_ok());
     let other = read(&seeds(&text.replace("to = 2e-3", "to = 2.1e-3"))).expect("valid");
     assert_ne!(other.identity(), sweep.identity());
 }
@@ -240,8 +249,11 @@ fn many_points_are_begun_at_once() {
 #[test]
 fn a_point_is_its_configuration_as_text() {
     for preset in schemas::presets::PRESETS {
-        let sweep =
-            read(&format!("[base]\npreset = \"{}\"\n[grid]\nseed = [3]\n", preset.name)).expect("valid");
+        let sweep = read(&format!(
+            "[base]\npreset = \"{}\"\n[grid]\nstream.publish_every_steps = [1]\n",
+            preset.name
+        ))
+        .expect("valid");
         let point = sweep.point(0).expect("point");
         let again = RunConfig::from_toml(&point.config.to_toml()).expect("TOML");
         assert_eq!(Physics::resolve(&again).expect("valid").hash(), point.physics.hash(), "{}", preset.name);

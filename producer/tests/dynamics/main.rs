@@ -23,6 +23,7 @@ mod page;
 mod random_chains;
 mod reference;
 mod sound;
+mod stationary;
 mod symmetries;
 mod table;
 mod unequal;

@@ -1,8 +1,8 @@
-//! The messages of `proto/beadline/v1`, as prost generates them, and their descriptors.
+//! The messages of `proto/beadline/v1`, as prost generates them, and their descriptors: files in `proto/made`, which a test compiles.
 
 #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
 
-include!(concat!(env!("OUT_DIR"), "/beadline.v1.rs"));
+include!("../proto/made/beadline.v1.rs");
 
 /// One of our channels: its topic, and the descriptor of its messages.
 #[derive(Debug, Clone, Copy)]
@@ -18,19 +18,19 @@ pub(super) struct Topic {
 pub(super) const STATE: Topic = Topic {
     topic: "/state",
     message: "beadline.v1.ChainState",
-    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/chain_state.binpb")),
+    descriptor: || include_bytes!("../proto/made/chain_state.binpb"),
 };
 
 pub(super) const CHAIN: Topic = Topic {
     topic: "/chain",
     message: "beadline.v1.Chain",
-    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/chain.binpb")),
+    descriptor: || include_bytes!("../proto/made/chain.binpb"),
 };
 
 pub(super) const SUMMARY: Topic =
     Topic { topic: "/summary", message: "beadline.v1.Summary", descriptor: || SUMMARY_DESCRIPTOR };
 
-pub(super) const SUMMARY_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/summary.binpb"));
+pub(super) const SUMMARY_DESCRIPTOR: &[u8] = include_bytes!("../proto/made/summary.binpb");
 
 /// The topics of frames. Every writer of frames writes these topics itself.
 pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
@@ -38,7 +38,7 @@ pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic
 pub(super) const CONTACTS: Topic = Topic {
     topic: "/contacts",
     message: "beadline.v1.ContactClasses",
-    descriptor: || include_bytes!(concat!(env!("OUT_DIR"), "/contact_classes.binpb")),
+    descriptor: || include_bytes!("../proto/made/contact_classes.binpb"),
 };
 
 /// All our topics whose messages are not made from columns, those of frames first.

@@ -81,6 +81,12 @@ impl Bonds {
         acts(Holds::None).into_iter().zip(acts(Holds::All)).any(|(pulls, is_held)| pulls && !is_held)
     }
 
+    /// The stiffness of the scales: the largest of the law with a slope at rest, or else of the first one.
+    pub fn scale(&self) -> f64 {
+        let slope = self.laws().find(|bond| bond.form.is_slope).or_else(|| self.laws().next());
+        slope.map_or(f64::NAN, |bond| bond.stiffness.largest())
+    }
+
     /// The refusal of bonds that do not hold.
     pub(crate) fn refusal() -> ConfigError {
         let (hold, others): (Vec<_>, Vec<_>) = bond_forms().partition(|form| form.holds != Holds::None);

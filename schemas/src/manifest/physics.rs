@@ -32,6 +32,7 @@ use crate::scales::Scales;
 use crate::simd::ordered_sum;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::ops::RangeInclusive;
 
 /// Everything that decides the bits of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -118,6 +119,9 @@ pub struct Physics {
     /// Number of steps.
     pub step_count: u64,
 }
+
+/// The part of a time by which it may differ from that of a step and be the same: people write 1e-5 for ten steps of 1e-6, whose double is less.
+const SAME_TIME: f64 = 1e-12;
 
 impl Physics {
     /// Validates `config` and fills in what it leaves open.
@@ -260,21 +264,24 @@ impl Physics {
         step as f64 * self.dt_s
     }
 
-    /// The first step at or after the simulated time `time_s` (s); one beyond the last if there is none.
+    /// The first step at or after the simulated time `time_s` (s), to 1e-12 of it; one beyond the last if there is none.
     pub fn step_at_or_after(&self, time_s: f64) -> u64 {
-        if time_s.is_nan() {
-            return self.step_count + 1;
-        }
-        // the quotient is rounded, the times of steps are what counts
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
-        let near = ((time_s / self.dt_s) as u64).saturating_sub(1).min(self.step_count); // integers
-        (near..=self.step_count).find(|step| self.time_s(*step) >= time_s).unwrap_or(self.step_count + 1)
+        let least_s = time_s * (1.0 - SAME_TIME);
+        let found = self.steps_near(least_s).find(|step| self.time_s(*step) >= least_s);
+        found.unwrap_or(self.step_count + 1)
     }
 
-    /// The last step at or before the simulated time `time_s` (s); step 0 if there is none.
+    /// The last step at or before the simulated time `time_s` (s), likewise; step 0 if there is none.
     pub fn step_at_or_before(&self, time_s: f64) -> u64 {
-        let after = self.step_at_or_after(time_s);
-        if after <= self.step_count && self.time_s(after) <= time_s { after } else { after.saturating_sub(1) }
+        let most_s = time_s * (1.0 + SAME_TIME);
+        self.steps_near(most_s).rev().find(|step| self.time_s(*step) <= most_s).unwrap_or(0)
+    }
+
+    /// Steps of which one is the next to a time, if there is one: the quotient is rounded, and the times of steps are what counts.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, NaN is 0")]
+    fn steps_near(&self, time_s: f64) -> RangeInclusive<u64> {
+        let near = ((time_s / self.dt_s) as u64).min(self.step_count); // integers
+        near.saturating_sub(1)..=(near + 2).min(self.step_count) // integers
     }
 
     /// SHA-256 of the physics as JSON: equal exactly when the bits of two runs must be equal.

@@ -246,11 +246,23 @@ fn curves_of(
     let (mut panels, mut gaps) = (Vec::new(), Vec::new());
     for y in &choice.y {
         let (mut panel, left_out) = panel_of(columns, choice, (y, by), band)?;
+        let of = |label: &str| if label.is_empty() { y.clone() } else { format!("{y}, {label}") };
         if let Some(stretch) = args.fit {
-            panel.fit(stretch);
+            panel.fit(stretch, band);
             if panel.curves.iter().all(|curve| curve.fit.is_none()) {
                 return Err(bad_input!("--fit needs three points above 0 of a curve of {y}"));
             }
+            for curve in panel.curves.iter().filter(|curve| curve.fit.is_none()) {
+                notice!(
+                    "{}: no power law, which needs three points, and all of them above 0",
+                    of(&curve.label)
+                );
+            }
+        }
+        let is_above_0 = |point: &TablePoint| point.x > 0.0 && Band::middle(band, &point.found) > 0.0;
+        let sloped = if args.slope.is_empty() { &[][..] } else { &panel.curves[..] };
+        for curve in sloped.iter().filter(|curve| !curve.points.iter().any(is_above_0)) {
+            notice!("{}: no slope, for no point is above 0", of(&curve.label));
         }
         panels.push(panel);
         gaps.push(left_out);
@@ -302,7 +314,7 @@ fn panel_of(
     let of_fewer = gaps.of_fewer(&values);
     for ((curve, Sortable(x)), (values, is_of_fewer)) in groups.keys().zip(values.iter().zip(of_fewer)) {
         let Some(found) = values.found else { continue };
-        gaps.off_axes(usize::from(choice.log[1] && found.mean <= 0.0));
+        gaps.off_axes(usize::from(choice.log[1] && Band::middle(band, &found) <= 0.0));
         curves[*curve].points.push(TablePoint { x: *x, found, is_of_fewer });
     }
     let means = found.means();

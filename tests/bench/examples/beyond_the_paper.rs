@@ -1,7 +1,9 @@
-//! Draws the figures of `docs/guide/examples.md`: what the dynamics does with loads, unequal beads and damping, and what
-//! theory says.
+//! Draws figures of `docs/guide`: what the dynamics does with loads, unequal beads, damping and heat baths, and what theory says.
 //!
 //! `cargo run -p beadline-bench --example beyond_the_paper -- docs/img/examples`
+
+#[path = "../../../producer/tests/dynamics/stationary.rs"]
+mod stationary;
 
 use anyhow::Context;
 use figure::{Axis, Colour, Curve, Figure, Options, Panel, Stroke};
@@ -10,6 +12,7 @@ use producer::state::ChainState;
 use schemas::config::{MassRule, RunConfig};
 use schemas::manifest::{Origin, Physics, RunManifest};
 use schemas::presets::Preset;
+use stationary::stationary;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
@@ -22,6 +25,7 @@ fn main() -> anyhow::Result<()> {
         ("dimer", dimer()?),
         ("tapered", tapered()?),
         ("damped", damped()?),
+        ("averages", averages()),
     ] {
         figure.write(&folder.join(format!("{name}.png")), Options::default(), true)?;
     }
@@ -197,8 +201,50 @@ fn damped() -> anyhow::Result<Figure> {
         .line("dissipated W", lost);
     let drift = Panel::new()
         .x_axis("time (ms)")
-        .y_axis(Axis::new("(E + W)/E_{0} − 1").limits(0.0, 1.5e-5))
+        .y_axis("(E + W)/E_{0} − 1")
         .curve(Curve::line("", balance).colour(Colour::Black))
         .height(0.6);
     Ok(Figure::new().shared_x().caption(plots::caption(&manifest)).panel(parts).panel(drift))
+}
+
+/// The errors of averages of a harmonic chain of 8 beads between two baths against the step: exact on both sides, since nothing is sampled.
+fn averages() -> Figure {
+    let steps_s: Vec<f64> = (0..13).map(|i| 0.24 * f64::powf(2.0, -0.25 * f64::from(i))).collect();
+    let mut panel = Panel::new()
+        .x_axis(Axis::new("time step over √(m/k)").log().limits(0.025, 0.3))
+        .y_axis(Axis::new("largest error of an average").log().limits(1e-12, 0.1));
+    for (name, temperatures_j, stroke) in
+        [("one temperature", [1.0; 2], Stroke::Solid), ("two temperatures", [1.5, 0.5], Stroke::Dashed)]
+    {
+        for (method, colour) in [("velocity-verlet", Colour::Sky), ("rkn4", Colour::Black)] {
+            let error = |dt_s: &f64| (*dt_s, error_of_averages(method, *dt_s, temperatures_j));
+            let errors: Vec<_> = steps_s.iter().map(error).collect();
+            let [(long_s, most), .., (short_s, least)] = errors[..] else { continue };
+            let order = (most / least).ln() / (long_s / short_s).ln();
+            let curve = Curve::line(format!("{method}, {name}: order {order:.1}"), errors);
+            panel = panel.curve(curve.stroke(stroke).colour(colour));
+        }
+    }
+    let caption = "8 masses on springs between walls, baths at both ends, γ = 0.5 √(k/m); covariances of displacements and temperatures of \
+                   the stationary state of the steps, against those of the motion";
+    Figure::new().caption(caption).panel(panel)
+}
+
+/// The largest error of a covariance of displacements or a temperature.
+fn error_of_averages(method: &str, dt_s: f64, temperatures_j: [f64; 2]) -> f64 {
+    let found = stationary(method, dt_s, 0.5, temperatures_j).0;
+    let exact = |kind: &str, i: usize, j: usize| {
+        if temperatures_j[0] == temperatures_j[1] {
+            let (low, high) = (i.min(j), i.max(j));
+            return if kind == "temperature" { 1.0 } else { ((low + 1) * (8 - high)) as f64 / 9.0 };
+        }
+        let key = format!("C1-rll8,{kind},{i},{j},");
+        let row =
+            include_str!("../../reference/thermal.csv").lines().find_map(|line| line.strip_prefix(&key));
+        row.and_then(|value| value.parse().ok()).unwrap_or(f64::NAN)
+    };
+    let places = (0..8).flat_map(|i| (i..8).map(move |j| (i, j)));
+    let displacements = places.map(|(i, j)| (found[i][j] - exact("displacements", i, j)).abs());
+    let temperatures = (8..16).map(|i| (found[i][i] - exact("temperature", i - 8, i - 8)).abs());
+    displacements.chain(temperatures).fold(0.0, f64::max)
 }

@@ -6,33 +6,33 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 15_010),
-    ("schemas", 9_320),
+    ("the command", 15_060),
+    ("schemas", 9_490),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_800),
     ("schemas/storage", 2_250),
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_800),
-    ("consumers", 6_275),
-    ("consumers/analyses", 4_475),
-    ("consumers/experiments", 1_620),
+    ("producer", 8_890),
+    ("consumers", 6_460),
+    ("consumers/analyses", 4_570),
+    ("consumers/experiments", 1_720),
     ("consumers/exports", 950),
-    ("consumers/figure", 3_120),
-    ("consumers/orbits", 2_920),
+    ("consumers/figure", 3_130),
+    ("consumers/orbits", 3_100),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_480),
+    ("consumers/plots", 1_530),
     ("consumers/screen", 700),
-    ("consumers/waves", 1_480),
+    ("consumers/waves", 1_525),
     ("page", 1_250),
     ("relay", 2_500),
-    ("python", 2_270),
+    ("python", 2_285),
     ("tests/bench", 2_360),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 80_890;
+const MOST_LINES: usize = 81_860;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -81,9 +81,13 @@ impl GreenKubo {
         self.blocks.push(products.iter().copied().chain([0.0]).chain(integrals).chain([mean]));
     }
 
-    /// Refuses a lag that takes too much memory, once samples have come.
+    /// Refuses a lag that takes too much memory, or is longer than the time that was looked at, once samples have come.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let lags = self.lags(0);
+        if let Some(lag_s) = self.lag_s.filter(|_| self.windows.is_some() && self.blocks.frames() == 0) {
+            let why = "longer than the frames in one piece; allowed: a part of the time that is looked at, such as a twentieth";
+            return Err(Refusal::of("lag", lag_s.to_string(), why.to_owned()));
+        }
         if lags <= MOST_LAGS[0] {
             return Ok(());
         }

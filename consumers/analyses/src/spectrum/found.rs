@@ -108,13 +108,12 @@ impl Found {
                 (largest, top_hz, Results::Spectra { frequencies_hz, densities, transmissions })
             }
             Engine::Spectrogram(spectrogram) => {
-                // the first segment has its middle half of its length after the first sample
                 let empty = spectrogram.columns(rate_hz).take_while(Option::is_none).count();
                 let columns: Vec<_> = spectrogram.columns(rate_hz).skip(empty).collect();
                 let largest = over(&mut columns.iter().flatten().map(Vec::as_slice));
                 let top_hz = shown(&largest);
                 let wide_s = spectrogram.column_samples() as f64 / rate_hz;
-                let from_s = samples.first_s + wide_s * empty as f64;
+                let from_s = samples.first_s + spectrogram.first_edge() / rate_hz + wide_s * empty as f64;
                 let edges_s = (from_s, from_s + wide_s * columns.len() as f64);
                 let at = |column: usize, line: usize| columns[column].as_ref()?.get(line).copied();
                 let grid = Grid::new(edges_s, columns.len(), (step_hz, top_hz), at, largest.len());

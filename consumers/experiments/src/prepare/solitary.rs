@@ -8,6 +8,9 @@ use std::fmt;
 /// The part of its height that a wave may have where it meets another one: what two waves then differ from two exact ones by.
 const MEETING: f64 = 1e-9;
 
+/// The part of its height that a wave may have where the chain ends or is of another kind.
+const CUT: f64 = 1e-6;
+
 /// No exact wave is as wide as this (beads).
 const MOST_APART: i32 = 10_000;
 
@@ -30,6 +33,7 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
     check_chain(config, &key(0))?;
     let exact = SolitaryWave::new(config.chain.alpha).map_err(|error| refused(&key(0), error.to_string()))?;
     for (i, wave) in asked.iter().enumerate() {
+        check_place(config, &exact, wave, &key(i))?;
         let meets = |other: &&Solitary| exact.overlap(0.5 * (wave.bead - other.bead)) > MEETING;
         if let Some(other) = asked[..i].iter().find(meets) {
             let apart = (1..MOST_APART)
@@ -49,11 +53,44 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
 fn check_chain(config: &RunConfig, key: &str) -> Result<(), ConfigError> {
     let chain = &config.chain;
     let is_even = chain.masses.is_uniform() && chain.stiffnesses.is_uniform() && config.load.is_none();
-    if is_even && chain.bonds.is_none() && chain.alphas.is_none() && chain.second.is_none() {
+    let is_plain = chain.bonds.is_none() && chain.alphas.is_none() && chain.second.is_none();
+    if is_even && is_plain && chain.gaps_m.is_none() && config.disorder.is_empty() {
         return Ok(());
     }
-    let message = "found in a chain of another kind; allowed: equal beads, one power and no load, which have an exact wave";
+    let message = "found in a chain of another kind; allowed: equal beads, one power, no load, gaps and disorder, which have an exact wave";
     Err(refused(key, message.to_owned()))
+}
+
+/// Refuses a wave that an end, or a bead or a contact of another kind, would cut.
+fn check_place(
+    config: &RunConfig,
+    exact: &SolitaryWave,
+    wave: &Solitary,
+    key: &str,
+) -> Result<(), ConfigError> {
+    let chain = &config.chain;
+    let ends = [-0.5, chain.beads as f64 - 0.5].map(|at| ("the end of the chain".to_owned(), at));
+    let beads =
+        chain.impurities.iter().map(|odd| (format!("bead {} of another mass", odd.bead), odd.bead as f64));
+    let contacts = chain
+        .contacts
+        .iter()
+        .map(|odd| (format!("contact {} of another stiffness", odd.contact), odd.contact as f64 + 0.5));
+    let last = chain.beads as f64 - 1.0;
+    if !(0.0..=last).contains(&wave.bead) {
+        return Err(refused(&format!("{key}.bead"), format!("found {}; allowed: 0 to {last}", wave.bead)));
+    }
+    let cuts = |at: f64| exact.overlap(at - wave.bead) > CUT;
+    let Some((what, at)) = ends.into_iter().chain(beads).chain(contacts).find(|(_, at)| cuts(*at)) else {
+        return Ok(());
+    };
+    let away = (1..MOST_APART).find(|beads| exact.overlap(f64::from(*beads)) <= CUT).unwrap_or(MOST_APART);
+    let message = format!(
+        "found {}, {} beads from {what}; allowed: {away} beads or more, beyond which the wave is 1e-6 of its height",
+        wave.bead,
+        (at - wave.bead).abs()
+    );
+    Err(refused(&format!("{key}.bead"), message))
 }
 
 /// The wave in the units of the chain, and whether it travels to higher bead numbers.

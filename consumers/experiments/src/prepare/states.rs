@@ -1,15 +1,15 @@
 //! Initial states that follow from the chain: modes with given energies, and states of a given energy.
 
 use super::refused;
-use schemas::chain::Chain;
 use schemas::config::{
     ConfigError, End, Initial, ModeEnergies, Phase, RunConfig, StrikerConfig, Strikers, TimeConfig,
 };
 use schemas::functions::sine_cosine;
 use schemas::manifest::Physics;
 use schemas::philox::uniform;
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
-use waves::linear::LinearChain;
+use waves::linear::{LinearChain, check_beads_are_free};
 use waves::modes::Modes;
 
 /// The stream of random phases; those of disorder count from 0, that of thermal velocities is the last.
@@ -18,20 +18,22 @@ const PHASES: u32 = u32::MAX - 1;
 /// Displacements (m) and velocities (m/s).
 type State = (Vec<f64>, Vec<f64>);
 
-/// The chain of `config`, whatever moves it.
-fn chain_of(config: &RunConfig) -> Result<Chain, ConfigError> {
+/// The run of `config`, whatever it begins with.
+fn physics_of(config: &RunConfig) -> Result<Physics, ConfigError> {
     let mut config = config.clone();
     let (initial, striker) = (&mut config.initial, StrikerConfig { bead: 0, velocity_m_s: 1.0 });
     *initial = Initial::default();
     (config.striker, config.time.dt_s) = (Strikers::from(striker), None);
-    Ok(Physics::resolve(&config)?.chain())
+    Physics::resolve(&config)
 }
 
 /// The sum of modes of `asked`: `√(2·E)/ω·cos φ` along the unit vector of each, and `−√(2·E)·sin φ` of the velocities.
 pub(super) fn of_modes(config: &RunConfig, asked: &ModeEnergies) -> Result<State, ConfigError> {
     let key = "initial.modes.energies_j";
+    let physics = physics_of(config)?;
+    check_beads_are_free(&physics).map_err(|why| refused("initial.modes", why))?;
     let linear =
-        LinearChain::of(&chain_of(config)?).map_err(|error| refused("initial.modes", error.to_string()))?;
+        LinearChain::of(&physics.chain()).map_err(|error| refused("initial.modes", error.to_string()))?;
     if !linear.resonators.is_empty() {
         let why =
             "found in a chain with resonators; allowed: chains without, whose state is that of the beads";
@@ -40,6 +42,7 @@ pub(super) fn of_modes(config: &RunConfig, asked: &ModeEnergies) -> Result<State
     let modes = Modes::of(&linear).map_err(|error| refused("initial.modes", error.to_string()))?;
     let count = modes.count();
     let (mut u_m, mut v_m_s) = (vec![0.0; count], vec![0.0; count]);
+    let mut named = BTreeSet::new();
     for entry in &asked.energies_j {
         let (first, last, energy_j) = match entry[..] {
             [mode, energy_j] => (mode, mode, energy_j),
@@ -62,6 +65,9 @@ pub(super) fn of_modes(config: &RunConfig, asked: &ModeEnergies) -> Result<State
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 4096")]
         for mode in first as usize - 1..last as usize {
+            if !named.insert(mode) {
+                return Err(refused(key, format!("found mode {} twice; allowed: each mode once", mode + 1)));
+            }
             let omega = modes.omega_rad_s()[mode];
             if omega == 0.0 {
                 let why = format!(

@@ -8,6 +8,7 @@ use crate::newton::Unknown;
 use crate::{MapError, NoOrbit, Orbit, Search, shown};
 use consumers::table::Cell;
 use producer::sweep::{self, GridAxis, KeyPath, SweepError};
+use schemas::amounts::counted;
 use schemas::config::ConfigError;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -41,7 +42,7 @@ impl Grid {
             return Err(refused(&axis.key.to_string(), "one value", "two or more along a key of [grid]"));
         }
         if is_there && two.is_none() {
-            return Err(refused("grid", &format!("{found} keys"), "two; the second one varies fastest"));
+            return Err(refused("grid", &counted(found as u64, "key"), "two; the second one varies fastest"));
         }
         Ok(two)
     }

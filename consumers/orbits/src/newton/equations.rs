@@ -120,11 +120,16 @@ impl Newton<'_> {
     }
 }
 
-/// Directions that `equations` nearly lose, as columns at right angles: by inverse iteration with `AᵀA`.
+/// Directions that `equations` nearly lose, as columns at right angles.
 fn lost(equations: &DMatrix<f64>, count: usize) -> Option<DMatrix<f64>> {
+    // a matrix that is singular to the last place cannot be divided by; a change in that place may make another so
+    [1.0, 3.0, -5.0].into_iter().find_map(|places| lost_beside(equations, places, count))
+}
+
+/// The same by inverse iteration with `AᵀA`, where `A` differs by so many last places on its diagonal.
+fn lost_beside(equations: &DMatrix<f64>, places: f64, count: usize) -> Option<DMatrix<f64>> {
     let size = equations.nrows();
-    // a matrix that is singular to the last place cannot be divided by
-    let equations = equations + DMatrix::identity(size, size) * (f64::EPSILON * equations.amax());
+    let equations = equations + DMatrix::identity(size, size) * (places * f64::EPSILON * equations.amax());
     let (solver, transposed) = (LU::new(equations.clone()), LU::new(equations.transpose()));
     let some = |row: usize, column: usize| ((row * 7 + column * 13) % 11) as f64 - 4.5;
     let mut found = DMatrix::from_fn(size, count, some);

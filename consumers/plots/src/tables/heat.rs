@@ -37,7 +37,12 @@ pub fn heat_map(map: &HeatMap) -> Result<Figure, FigureError> {
 
 impl HeatMap {
     fn sides(&self) -> [Side; 2] {
-        [0, 1].map(|side| Side::new(self, side))
+        let places = [0, 1].map(|side| places(self, side));
+        // a grid has each of its values many times, or nearly all of its pairs
+        let (pairs, rows) = (places[0].len() * places[1].len(), self.values.len());
+        let is_grid = |places: &[f64]| places.len() * 2 <= rows || rows <= 2 || pairs <= 2 * rows;
+        let are_grids = [is_grid(&places[0]), is_grid(&places[1])];
+        [0, 1].map(|side| Side::new(self.log[side], &places[side], rows, are_grids[side]))
     }
 
     /// The mean in each cell.
@@ -64,8 +69,7 @@ impl HeatMap {
         let drawn = rows
             .iter()
             .flat_map(|row| columns.iter().map(|column| means[*row * cells + *column]).collect::<Vec<_>>());
-        #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a colour")]
-        let drawn: Vec<Option<f32>> = drawn.map(|value| value.map(|value| value as f32)).collect();
+        let drawn: Vec<Option<f64>> = drawn.collect();
         let count = |cells: &[usize]| u32::try_from(cells.len()).unwrap_or(u32::MAX);
         let raster = Raster::values(count(&columns), count(&rows), &drawn, scale)?.nothing(nothing);
         let axis = |side: &Side, name: &str| {
@@ -132,17 +136,8 @@ struct Side {
 }
 
 impl Side {
-    fn new(map: &HeatMap, side: usize) -> Self {
-        let log = map.log[side];
-        let place = |value: f64| if log { value.log10() } else { value };
-        let mut places: Vec<f64> = map.values.iter().map(|row| place(row[side])).collect();
-        places.retain(|place| place.is_finite());
-        places.sort_by(f64::total_cmp);
-        places.dedup();
-        let rows = map.values.len();
-        // a grid has each of its values many times
-        let is_grid = places.len() * 2 <= rows || rows <= 2;
-        let edges = if is_grid { around(&places) } else { spread(&places, rows) };
+    fn new(log: bool, places: &[f64], rows: usize, is_grid: bool) -> Self {
+        let edges = if is_grid { around(places) } else { spread(places, rows) };
         let gaps: Vec<f64> = edges.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
         let is_even = gaps.iter().all(|gap| (gap - mean).abs() < 1e-6 * mean);
@@ -180,6 +175,16 @@ impl Side {
     fn edge(&self, number: usize) -> f64 {
         if self.log { 10_f64.powf(self.edges[number]) } else { self.edges[number] }
     }
+}
+
+/// The places of the values of a side, each once.
+fn places(map: &HeatMap, side: usize) -> Vec<f64> {
+    let place = |value: f64| if map.log[side] { value.log10() } else { value };
+    let mut places: Vec<f64> = map.values.iter().map(|row| place(row[side])).collect();
+    places.retain(|place| place.is_finite());
+    places.sort_by(f64::total_cmp);
+    places.dedup();
+    places
 }
 
 /// The edges of cells around each of the `places`: halfway between them.

@@ -1,10 +1,11 @@
 //! Words that a person reads for the name of a column.
 
 /// The ends of names that are units, the longest of those that fit first.
-const UNITS: [(&str, &str); 19] = [
+const UNITS: [(&str, &str); 25] = [
     ("_beads_per_s", "beads/s"),
     ("_rad_per_s", "rad/s"),
     ("_n_per_m", "N/m"),
+    ("_n_per_m3", "N/m³"),
     ("_n_s_per_m", "N·s/m"),
     ("_kg_m3", "kg/m³"),
     ("_m_s2", "m/s²"),
@@ -12,12 +13,17 @@ const UNITS: [(&str, &str); 19] = [
     ("_kg_m_s", "kg m/s"),
     ("_n_s", "N s"),
     ("_m_s", "m/s"),
+    ("_beads_s", "beads/s"),
     ("_per_s", "1/s"),
+    ("_per_m", "1/m"),
     ("_beads", "beads"),
     ("_kg", "kg"),
+    ("_rad", "rad"),
     ("_hz", "Hz"),
     ("_pa", "Pa"),
     ("_j", "J"),
+    ("_w", "W"),
+    ("_k", "K"),
     ("_n", "N"),
     ("_m", "m"),
     ("_s", "s"),
@@ -47,6 +53,8 @@ const STATISTICS: [(&str, &str); 8] = [
 /// assert_eq!(column_label("drive[0].displacement_m.sine.amplitude"), "drive 0 displacement (m)");
 /// assert_eq!(column_label("drive[0].displacement_m.sine.frequency_hz"), "drive 0 frequency (Hz)");
 /// assert_eq!(column_label("chain.alpha"), "α");
+/// assert_eq!(column_label("initial.solitary.speed_beads_s"), "initial solitary speed (beads/s)");
+/// assert_eq!(column_label("drive[0].steepness_per_m"), "drive 0 steepness (1/m)");
 /// assert_eq!(column_label("modal(threshold=0.1).equipartition_s"), "modal equipartition (s), threshold=0.1");
 /// assert_eq!(column_label("forces.peak_n@right"), "forces peak at right (N)");
 /// ```

@@ -9,6 +9,7 @@ use super::super::values::Interval;
 use super::{Located, Reader, Setting, SweepError, unknown_key};
 use schemas::config::line_at;
 use schemas::philox;
+use schemas::random::permutation;
 
 /// Streams of random numbers, two for each range; no other use of a seed has these streams.
 const STREAMS: u32 = 0x5341_0000;
@@ -66,7 +67,7 @@ struct Places {
 enum Draw {
     Random,
     /// The part of each sample.
-    Ordered(Vec<u32>),
+    Ordered(Vec<usize>),
     Sobol {
         shift: u32,
         directions: [u32; sobol::BITS],
@@ -190,7 +191,7 @@ impl Places {
         let stream = STREAMS + 2 * u32::try_from(side).unwrap_or(0);
         let draw = match method {
             Method::Random => Draw::Random,
-            Method::LatinHypercube => Draw::Ordered(permutation(count, seed, stream + 1)),
+            Method::LatinHypercube => Draw::Ordered(permutation(seed, stream + 1, count as usize)),
             Method::Sobol => {
                 let [shift, ..] = philox::words(seed, 0, [stream, 0]);
                 Draw::Sobol { shift, directions: sobol::directions(side) }
@@ -204,26 +205,13 @@ impl Places {
         let random = || philox::uniform(self.seed, self.stream, index.into());
         match &self.draw {
             Draw::Random => random(),
-            Draw::Ordered(parts) => (f64::from(parts[index as usize]) + random()) / f64::from(count),
+            Draw::Ordered(parts) => (parts[index as usize] as f64 + random()) / f64::from(count),
             // the middle of the cell of 2⁻³²
             Draw::Sobol { shift, directions } => {
                 (f64::from(sobol::point(directions, index) ^ shift) + 0.5) / 4_294_967_296.0
             }
         }
     }
-}
-
-/// The numbers below `count` in a random order (Fisher and Yates): number `i`, from the last to the second, changes its place with
-/// number `⌊r·(i + 1)/2⁶⁴⌋`, where `r` is the first two words of index `i`, low word first.
-fn permutation(count: u32, seed: u64, stream: u32) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..count).collect();
-    for i in (1..order.len()).rev() {
-        let [low, high, ..] = philox::words(seed, i as u64, [stream, 0]);
-        let random = u128::from(high) << 32 | u128::from(low);
-        let other = (random * (i as u128 + 1)) >> 64;
-        order.swap(i, usize::try_from(other).unwrap_or(i));
-    }
-    order
 }
 
 #[cfg(test)]

@@ -56,8 +56,14 @@ impl TestBus {
 impl Drop for TestBus {
     /// Everything is gone when everybody is: except the one small segment that iceoryx2 keeps for each bus.
     fn drop(&mut self) {
-        // registering cleans up after processes that were killed
-        drop(crate::foreign::node(&self.bus));
+        // cleans up after processes that were killed: iceoryx2 lets one thread of a process do so at a time, on all buses
+        // together, and has the others go on without
+        let node = crate::foreign::node(&self.bus);
+        let start = Instant::now();
+        while node.try_cleanup_dead_nodes().failed_cleanups > 0 && start.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        drop(node);
         let prefix = self.bus.prefix();
         let names = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.file_name());
         let names = names.map(|name| name.into_string().unwrap_or_default());

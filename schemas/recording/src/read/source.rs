@@ -198,10 +198,14 @@ impl RecordingSource {
                 continue;
             }
             let RawMessage { data, offset, .. } = message;
-            let state = decode::state(data, self.lengths, &mut self.doubles);
-            let checked = state.and_then(|state| Ok((state, self.check(&state)?)));
-            let (state, frame) =
-                checked.map_err(|what| ReadError::damaged(self.messages.path(), offset, what))?;
+            let damaged = |source: &Self, what| ReadError::damaged(source.messages.path(), offset, what);
+            let state =
+                decode::state(data, self.lengths, &mut self.doubles).map_err(|what| damaged(self, what))?;
+            if !self.all && state.frame.is_none() && self.accounted.is_some_and(|step| state.step <= step) {
+                // between frames, and before the one that was sought
+                continue;
+            }
+            let frame = self.check(&state).map_err(|what| damaged(self, what))?;
             self.read = Some(state.step);
             let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
             if let Some(frame) = frame.or_else(between) {

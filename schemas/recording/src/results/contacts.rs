@@ -8,6 +8,7 @@ use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOpti
 use prost::Message;
 use schemas::frame::EndReason;
 use schemas::manifest::RunManifest;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// Class of a contact without overlap or gap beyond the tolerance.
@@ -28,7 +29,7 @@ pub struct ContactsRow<'a> {
     pub time_s: f64,
     /// Largest overlap, and largest gap, that counts as touching (m).
     pub tolerance_m: f64,
-    /// Class of each contact: [`TOUCHING`], [`COMPRESSED`] or [`OPEN`]; N − 1 values.
+    /// Class of each contact: [`TOUCHING`], [`COMPRESSED`] or [`OPEN`]; in a ring the last is the one that closes it.
     pub classes: &'a [u8],
 }
 
@@ -64,7 +65,7 @@ impl ContactsWriter {
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
         let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
-        let contacts = manifest.contact_count();
+        let contacts = manifest.all_contact_count();
         let row = proto::ContactClasses::default();
         Ok(Self { file, channel, contacts, row, message: Vec::new(), first_step: None, rows: 0 })
     }
@@ -124,7 +125,7 @@ impl ContactsWriter {
 /// Reads the `/contacts` channel of any recording.
 pub struct ContactsReader {
     messages: MessageReader,
-    contacts: usize,
+    widths: RangeInclusive<usize>,
     classes: Vec<u8>,
     last_step: Option<u64>,
 }
@@ -136,8 +137,8 @@ impl ContactsReader {
     /// When it cannot be read, is no recording, or is of another major schema version.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let messages = MessageReader::open(path)?;
-        let contacts = messages.manifest().contact_count();
-        Ok(Self { messages, contacts, classes: Vec::new(), last_step: None })
+        let widths = widths(messages.manifest());
+        Ok(Self { messages, widths, classes: Vec::new(), last_step: None })
     }
 
     /// The run that the map belongs to.
@@ -157,9 +158,9 @@ impl ContactsReader {
             let offset = message.offset;
             let row = proto::ContactClasses::decode(message.data)
                 .map_err(|error| format!("a row that is no ContactClasses: {error}"))
-                .and_then(|row| check_row(&row, self.contacts, self.last_step).map(|()| row))
+                .and_then(|row| check_row(&row, &self.widths, self.last_step).map(|()| row))
                 .map_err(|what| ReadError::damaged(self.messages.path(), offset, what))?;
-            unpack(&row.classes, self.contacts, &mut self.classes);
+            unpack(&row, &mut self.classes);
             self.last_step = Some(row.step);
             let proto::ContactClasses { frame, step, time_s, tolerance_m, .. } = row;
             return Ok(Some(ContactsRow { frame, step, time_s, tolerance_m, classes: &self.classes }));
@@ -173,14 +174,20 @@ impl ContactsReader {
     }
 }
 
+/// Contacts that a row of the run `manifest` may have: maps of rings were once made without the one that closes them.
+pub(crate) fn widths(manifest: &RunManifest) -> RangeInclusive<usize> {
+    manifest.contact_count()..=manifest.all_contact_count()
+}
+
+/// Refuses a row that is none of a run of these [`widths`], or comes too early.
 pub(crate) fn check_row(
     row: &proto::ContactClasses,
-    contacts: usize,
+    widths: &RangeInclusive<usize>,
     last_step: Option<u64>,
 ) -> Result<(), String> {
-    let step = row.step;
-    let count = usize::try_from(row.contact_count).unwrap_or(usize::MAX);
-    if count != contacts || row.classes.len() != contacts.div_ceil(4) {
+    let (step, contacts) = (row.step, widths.end());
+    let count = row.contact_count as usize;
+    if !widths.contains(&count) || row.classes.len() != count.div_ceil(4) {
         let (found, bytes) = (row.contact_count, row.classes.len());
         return Err(format!(
             "the row of step {step} has {found} contacts in {bytes} bytes, the run {contacts}"
@@ -202,10 +209,10 @@ fn pack(classes: &[u8], packed: &mut Vec<u8>) {
     packed.extend(classes.chunks(4).map(|four| four.iter().rev().fold(0, |byte, class| byte << 2 | class)));
 }
 
-pub(crate) fn unpack(packed: &[u8], contacts: usize, classes: &mut Vec<u8>) {
+pub(crate) fn unpack(row: &proto::ContactClasses, classes: &mut Vec<u8>) {
     classes.clear();
-    classes.extend(packed.iter().flat_map(|byte| [0, 2, 4, 6].map(|shift| (byte >> shift) & 3)));
-    classes.truncate(contacts);
+    classes.extend(row.classes.iter().flat_map(|byte| [0, 2, 4, 6].map(|shift| (byte >> shift) & 3)));
+    classes.truncate(row.contact_count as usize);
 }
 
 #[cfg(test)]
@@ -217,7 +224,10 @@ mod tests {
         let (mut packed, mut classes) = (Vec::new(), Vec::new());
         pack(&[COMPRESSED, OPEN, TOUCHING, COMPRESSED, OPEN], &mut packed);
         assert_eq!(packed, [0b01_00_10_01, 0b10]);
-        unpack(&packed, 5, &mut classes);
+        unpack(
+            &proto::ContactClasses { contact_count: 5, classes: packed, ..Default::default() },
+            &mut classes,
+        );
         assert_eq!(classes, [1, 2, 0, 1, 2]);
     }
 }

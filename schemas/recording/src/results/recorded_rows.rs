@@ -2,6 +2,7 @@
 
 use crate::error::ReadError;
 use crate::read::messages::MessageReader;
+use crate::results::contacts::widths;
 use crate::results::row_messages::{RecordedRow, RowMessages};
 use std::path::Path;
 
@@ -37,7 +38,7 @@ impl RecordedRows {
     /// # Errors
     /// When the file is damaged, or a message is not of the topic.
     pub fn next_row(&mut self) -> Result<Option<RecordedRow>, ReadError> {
-        let contacts = self.messages.manifest().contact_count();
+        let widths = widths(self.messages.manifest());
         while let Some(message) = self.messages.next()? {
             if message.channel.topic != self.topic {
                 continue;
@@ -49,7 +50,7 @@ impl RecordedRows {
             let unknown = || format!("its schema {} describes no rows", message.channel.schema.name);
             let rows = self.channel.as_ref().ok_or_else(unknown);
             let (offset, row) =
-                (message.offset, rows.and_then(|(_, rows)| rows.decode(message.data, contacts)));
+                (message.offset, rows.and_then(|(_, rows)| rows.decode(message.data, &widths)));
             return row.map(Some).map_err(|what| ReadError::damaged(self.messages.path(), offset, what));
         }
         Ok(None)

@@ -12,6 +12,7 @@ use schemas::manifest::RunManifest;
 use schemas::results::{
     KeptValues, ResultColumns, ResultRow, ResultsName, RowValues, Things, ThingsNumbers, Topic,
 };
+use std::ops::RangeInclusive;
 
 const OURS: &str = "beadline.v1";
 const OWN: &str = "beadline.own";
@@ -92,8 +93,9 @@ impl RowMessages {
         let Topic::Results(name) = topic else { return Err("this topic has no rows of results".to_owned()) };
         let width = columns.width;
         let layout = if let Some(tolerance_m) = columns.tolerance_m {
-            if width != manifest.contact_count() {
-                return Err(format!("{width} classes, the run has {} contacts", manifest.contact_count()));
+            let contacts = manifest.all_contact_count();
+            if width != contacts {
+                return Err(format!("{width} classes, the run has {contacts} contacts"));
             }
             Layout::Classes { tolerance_m }
         } else if let Some(things) = Things::of_topic(name.as_str()) {
@@ -229,14 +231,18 @@ impl RowMessages {
         Ok(())
     }
 
-    /// Decodes a row in any valid encoding, for a run with so many `contacts`.
-    pub(crate) fn decode(&self, message: &[u8], contacts: usize) -> Result<RecordedRow, String> {
+    /// Decodes a row in any valid encoding, of a run with rows of classes of these [`widths`](super::contacts::widths).
+    pub(crate) fn decode(
+        &self,
+        message: &[u8],
+        widths: &RangeInclusive<usize>,
+    ) -> Result<RecordedRow, String> {
         let not = |error| format!("a row of {} that is none: {error}", self.topic);
         if let Layout::Classes { .. } = self.layout {
             let row = ContactClasses::decode(message).map_err(not)?;
-            check_row(&row, contacts, None)?;
+            check_row(&row, widths, None)?;
             let mut classes = Vec::new();
-            unpack(&row.classes, contacts, &mut classes);
+            unpack(&row, &mut classes);
             let (values, tolerance_m) = (KeptValues::Classes(classes), Some(row.tolerance_m));
             let ContactClasses { frame, step, time_s, .. } = row;
             let (things, threshold) = (Vec::new(), None);
@@ -393,15 +399,15 @@ mod tests {
         let published: [(RowMessages, &[u8]); 3] = [
             (
                 rows("energies", &ResultColumns::named(&ENERGIES)),
-                include_bytes!(concat!(env!("OUT_DIR"), "/energies.binpb")),
+                include_bytes!("../../proto/made/energies.binpb"),
             ),
             (
                 rows("impurity", &ResultColumns::motion(&[1])),
-                include_bytes!(concat!(env!("OUT_DIR"), "/impurity_motion.binpb")),
+                include_bytes!("../../proto/made/impurity_motion.binpb"),
             ),
             (
                 rows("pulses", &ResultColumns::pulses(2, 1e-3)),
-                include_bytes!(concat!(env!("OUT_DIR"), "/pulses.binpb")),
+                include_bytes!("../../proto/made/pulses.binpb"),
             ),
         ];
         for (rows, compiled) in published {
@@ -468,7 +474,7 @@ mod tests {
             ),
         ] {
             let message = encoded(&rows, values).expect("a row of that kind");
-            let row = rows.decode(&message, classes.len()).expect("a row");
+            let row = rows.decode(&message, &(classes.len()..=classes.len())).expect("a row");
             assert_eq!((row.frame, row.step, row.time_s, row.things), (0, 300, 0.5, things));
             let (read, written) = (bits(row.values.lend()), bits(values));
             assert_eq!(read, written[..read.len()], "{}", rows.topic());

@@ -8,7 +8,7 @@ pub use prost_types::Timestamp;
 mod messages {
     #![allow(missing_docs, unreachable_pub, clippy::pedantic, reason = "generated code")]
 
-    include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+    include!("../../proto/made/foxglove.rs");
 }
 
 pub use messages::log::Level;
@@ -25,7 +25,7 @@ macro_rules! described {
     ($($message:ident),*) => {$(
         impl FoxgloveMessage for $message {
             fn topic(topic: &str) -> ForeignTopic<'_> {
-                let descriptor = include_bytes!(concat!(env!("OUT_DIR"), "/", stringify!($message), ".binpb"));
+                let descriptor = include_bytes!(concat!("../../proto/made/", stringify!($message), ".binpb"));
                 ForeignTopic { topic, message: concat!("foxglove.", stringify!($message)), descriptor }
             }
         }

@@ -31,9 +31,9 @@ impl Split {
         *self != Self::default()
     }
 
-    /// Number of the interval of simulated time that `time_s` is in.
+    /// Number of the interval of simulated time that `time_s` is in. What rounding leaves of a multiple is one.
     fn slot(&self, time_s: f64) -> f64 {
-        self.duration_s.map_or(0.0, |duration_s| (time_s / duration_s).floor())
+        self.duration_s.map_or(0.0, |duration_s| (time_s / duration_s * (1.0 + 1e-12)).floor())
     }
 }
 

@@ -23,7 +23,7 @@ impl Scalars {
 
     /// The channel `topic` of the motion of one bead.
     pub fn motion_topic(topic: &str) -> ForeignTopic<'_> {
-        let descriptor = include_bytes!(concat!(env!("OUT_DIR"), "/bead_motion.binpb"));
+        let descriptor = include_bytes!("../../proto/made/bead_motion.binpb");
         ForeignTopic { topic, message: "beadline.v1.BeadMotion", descriptor }
     }
 

@@ -3,6 +3,7 @@
 
 mod crash;
 mod hostile;
+mod messages;
 mod others;
 mod run;
 mod salvage;

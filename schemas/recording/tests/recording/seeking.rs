@@ -137,14 +137,17 @@ fn damage_elsewhere_does_not_matter() {
     assert_eq!((after, missed.len(), end.unwrap()), ((50..=57).collect(), 0, EndReason::Complete));
 }
 
-/// A time is that of a step if it has its bits, however the division of the two rounds.
+/// A time is that of a step if it has its bits, however the division of the two rounds, or is written in its last digits otherwise.
 #[test]
 fn steps_are_found_by_their_times() {
     let physics = manifest(1000, 1, 1).physics;
     for step in 0..=1000 {
         let time_s = physics.time_s(step);
         assert_eq!((physics.step_at_or_before(time_s), physics.step_at_or_after(time_s)), (step, step));
-        let later_s = time_s.next_up();
+        for same_s in [time_s * (1.0 + 1e-14), time_s * (1.0 - 1e-14)] {
+            assert_eq!((physics.step_at_or_before(same_s), physics.step_at_or_after(same_s)), (step, step));
+        }
+        let later_s = time_s + 1e-6 * physics.dt_s;
         assert_eq!((physics.step_at_or_before(later_s), physics.step_at_or_after(later_s)), (step, step + 1));
     }
     for (time_s, before, after) in [(0.0, 0, 0), (1e9, 1000, 1001), (f64::INFINITY, 1000, 1001)] {

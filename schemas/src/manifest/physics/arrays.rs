@@ -12,6 +12,7 @@ use crate::damping::{ContactDamping, Damping};
 use crate::drive::{Place, Side};
 use crate::power::power;
 use crate::term::{Term, TermLaw};
+use std::sync::Arc;
 
 impl Physics {
     /// The resolved masses, stiffnesses and rest overlaps, and all else that acts.
@@ -21,7 +22,10 @@ impl Physics {
         let damping =
             self.damping.map(|kind| self.contact_damping(kind, &mass_kg, &stiffness, &walls, is_ring));
         let sites = self.sites();
-        let moved = |side| self.drives.iter().position(|drive| drive.at == Place::Wall(side));
+        let moved = |side| {
+            let found = self.drives.iter().enumerate().find(|(_, drive)| drive.at == Place::Wall(side));
+            found.map(|(d, drive)| (d, Arc::new(drive.clone())))
+        };
         let moved_walls = [moved(Side::Left), moved(Side::Right)];
         let mut chain = Chain::new(mass_kg, stiffness, rest_overlap_m, walls, law);
         (chain.sites, chain.is_ring, chain.is_bonded) = (sites, is_ring, self.bonds.is_some());

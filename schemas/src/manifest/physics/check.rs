@@ -2,7 +2,7 @@
 
 use super::disorder::Resolved;
 use super::{Physics, larger, range};
-use crate::config::{ConfigError, End, Impurity, MassRule, OddContact, StiffnessRule};
+use crate::config::{ConfigError, Disorder, Disordered, End, Impurity, MassRule, OddContact, StiffnessRule};
 use crate::damping::Damping;
 use crate::manifest::{KERNEL_VERSION, MAX_BEADS, MAX_STEPS};
 use crate::method::{Feature, Method};
@@ -71,7 +71,36 @@ impl Physics {
     ) -> Result<(), ConfigError> {
         self.check_written(impurities, contacts)?;
         self.check_method(true)?;
+        self.check_effects()?;
         self.check_resolved()
+    }
+
+    /// Refuses what would have no effect in this chain. Manifests from before this was refused are read.
+    fn check_effects(&self) -> Result<(), ConfigError> {
+        let ends = &self.ends;
+        let of_stiffness = |entry: &Disorder| entry.of == Disordered::Stiffnesses;
+        if let (Some(entry), Some(_)) = (self.disorder.iter().position(of_stiffness), &self.bonds) {
+            let allowed = "masses: bonds have lists and patterns of stiffnesses of their own";
+            return Err(ConfigError::value(&format!("disorder[{entry}].of"), "stiffnesses", allowed));
+        }
+        if let (Some(_), Some(_)) = (&self.alphas, &self.spheres) {
+            let allowed = "nothing beside spheres, whose stiffnesses are those of the exponent 1.5";
+            return Err(ConfigError::value("chain.alphas", "exponents", allowed));
+        }
+        for (side, end, stiffness, material) in [
+            ("left", ends.left, ends.left_stiffness, ends.left_material.is_some()),
+            ("right", ends.right, ends.right_stiffness, ends.right_material.is_some()),
+        ] {
+            if let (Some(stiffness), true) = (stiffness, self.bonds.is_some()) {
+                let allowed = "nothing beside chain.bonds: a wall holds the last bead as the first or the last bond does";
+                return Err(ConfigError::number(&format!("ends.{side}_stiffness"), stiffness, allowed));
+            }
+            if material && (end != End::Fixed || stiffness.is_some()) {
+                let allowed = format!("a fixed end that has no {side}_stiffness");
+                return Err(ConfigError::value(&format!("ends.{side}_material"), "a material", &allowed));
+            }
+        }
+        Ok(())
     }
 
     fn check_resolved(&self) -> Result<(), ConfigError> {

@@ -49,7 +49,7 @@ impl Physics {
         let beads = usize_of(self.beads);
         let mut drag =
             self.on_site.drag_n_s_per_m.as_ref().map_or(vec![0.0; beads], |drag| drag.values(beads));
-        let most = self.ends.absorbing_drag_n_s_per_m.unwrap_or_else(|| self.usual_drag_n_s_per_m());
+        let most = self.absorbing_drag_n_s_per_m();
         let depth = self.absorbing_beads();
         for (end, from) in [(self.ends.left, 0), (self.ends.right, beads - 1)] {
             if end != End::Absorbing {
@@ -70,12 +70,13 @@ impl Physics {
         usize_of(self.ends.absorbing_beads.unwrap_or(usual))
     }
 
-    /// Half of `m/T` where contacts are loaded or bonds: a wave dies out on its way there and back. Where beads are loose, 1/200 of
-    /// `m/T`: the last of them carry the energy away, as from a free end, and are slowed down then. A strong drag on the way would
-    /// send back more than it takes.
-    fn usual_drag_n_s_per_m(&self) -> f64 {
+    /// The drag (N·s/m) of the bead at an absorbing end: by default half of `m/T` where contacts are loaded or bonds, so that a wave dies out on its way
+    /// there and back. Where beads are loose, 1/200 of `m/T`: the last of them carry the energy away, as from a free end, and are slowed down then.
+    /// A strong drag on the way would send back more than it takes.
+    pub fn absorbing_drag_n_s_per_m(&self) -> f64 {
         let is_loose = self.load.is_none() && self.bonds.is_none();
         let part = if is_loose { 0.005 } else { 0.5 };
-        part * self.bead_mass_kg / self.scales().time_s
+        let usual = || part * self.bead_mass_kg / self.scales().time_s;
+        self.ends.absorbing_drag_n_s_per_m.unwrap_or_else(usual)
     }
 }

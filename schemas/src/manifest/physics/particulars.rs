@@ -1,7 +1,7 @@
 //! A run in words, for captions and listings.
 
 use super::Physics;
-use crate::amounts::{typed, typed_quantity};
+use crate::amounts::{counted, typed, typed_quantity};
 use crate::bath::Bath;
 use crate::config::{Disorder, Disordered, End, MassRule, Sphere, StiffnessRule, TwoValued};
 use crate::damping::Damping;
@@ -42,6 +42,7 @@ impl Physics {
             phrases.push(format!("… ({} odd contacts)", self.contacts.len()));
         }
         phrases.extend(self.walls_in_words().map(str::to_owned));
+        self.ends_in_words(&mut phrases);
         let load = &self.load;
         phrases.extend((load.gravity_m_s2 != 0.0).then(|| format!("g = {} m/s²", load.gravity_m_s2)));
         phrases.extend(
@@ -71,8 +72,12 @@ impl Physics {
         phrases.extend(self.second.as_ref().map(|second| format!("a second power, α = {}", second.alpha)));
         phrases.extend(self.gaps_m.as_ref().map(|_| "gaps".to_owned()));
         if let Some(bonds) = &self.bonds {
-            let kinds: Vec<&str> = bonds.laws().map(|bond| bond.form.words).collect();
-            phrases.push(format!("bonds: {}", kinds.join(", ")));
+            let kinds = bonds.laws().map(|bond| {
+                let of = |(_, unit)| format!(" ({} {unit})", typed(bond.law.named().1));
+                let parameter = bond.form.parameter.map(of).unwrap_or_default();
+                format!("{} {}{parameter}", bond.form.words, first_of(bond.stiffness.written()))
+            });
+            phrases.push(format!("bonds: {}", kinds.collect::<Vec<_>>().join(", ")));
         }
         for disorder in &self.disorder {
             let of = match disorder.of {
@@ -102,6 +107,21 @@ impl Physics {
         }
     }
 
+    /// Adds a phrase for each number and material of an end that is given.
+    fn ends_in_words(&self, phrases: &mut Vec<String>) {
+        let ends = &self.ends;
+        for (side, stiffness, material) in [
+            ("left", ends.left_stiffness, ends.left_material),
+            ("right", ends.right_stiffness, ends.right_material),
+        ] {
+            phrases.extend(stiffness.map(|stiffness| format!("{side} wall: {stiffness:e} N/m^α")));
+            phrases.extend(material.map(|wall| format!("{side} wall of {}", material_in_words(wall.0))));
+        }
+        phrases.extend(ends.absorbing_beads.map(|beads| format!("absorbed over {}", counted(beads, "bead"))));
+        let drag = ends.absorbing_drag_n_s_per_m;
+        phrases.extend(drag.map(|drag| format!("absorbed by a drag up to {} N·s/m", typed(drag))));
+    }
+
     fn walls_in_words(&self) -> Option<&'static str> {
         match (self.ends.left, self.ends.right) {
             (End::Free, End::Free) => None,
@@ -120,13 +140,16 @@ impl Physics {
 
 /// `steel (radius 4.76 mm)`
 fn sphere_in_words(sphere: &Sphere) -> String {
-    let Material { density_kg_m3, young_pa, poisson } = sphere.material;
-    let name = MATERIALS.iter().find(|known| known.material == sphere.material).map(|known| known.name);
-    let material = name.map_or_else(
+    format!("{} (radius {})", material_in_words(sphere.material), typed_quantity(sphere.radius_m, "m"))
+}
+
+fn material_in_words(material: Material) -> String {
+    let Material { density_kg_m3, young_pa, poisson } = material;
+    let name = MATERIALS.iter().find(|known| known.material == material).map(|known| known.name);
+    name.map_or_else(
         || format!("ρ = {density_kg_m3} kg/m³, E = {} GPa and ν = {poisson}", typed(young_pa / 1e9)),
         str::to_owned,
-    );
-    format!("{material} (radius {})", typed_quantity(sphere.radius_m, "m"))
+    )
 }
 
 /// The words for a disorder: `uniform ±20 %`.
@@ -203,5 +226,26 @@ mod tests {
             "force on bead 3: sine of 250 mN at 6300 Hz",
         ];
         assert_eq!(Physics::resolve(&config).expect("valid").particulars(), expected);
+    }
+
+    #[test]
+    fn ends_have_their_numbers() {
+        let text = "[chain]\nbeads = 20\nspheres = [{ material = \"steel\", radius_m = 4.76e-3 }]\n\
+            [ends]\nleft = \"absorbing\"\nabsorbing_beads = 5\nabsorbing_drag_n_s_per_m = 0.25\n\
+            right = \"fixed\"\nright_material = \"brass\"\n[striker]\nbead = 9\nvelocity_m_s = 1.0\n[time]\nduration_s = 1e-3\n";
+        let found = |text: &str| {
+            let config = RunConfig::from_toml(text).expect("valid");
+            Physics::resolve(&config).expect("valid").particulars()
+        };
+        let expected = [
+            "absorbing on the left, wall on the right",
+            "right wall of brass",
+            "absorbed over 5 beads",
+            "absorbed by a drag up to 0.25 N·s/m",
+            "spheres of steel (radius 4.76 mm)",
+        ];
+        assert_eq!(found(text), expected);
+        let of_stiffness = text.replace("right_material = \"brass\"", "right_stiffness = 3e6");
+        assert_eq!(found(&of_stiffness)[1], "right wall: 3e6 N/m^α");
     }
 }

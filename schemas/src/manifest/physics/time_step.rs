@@ -64,6 +64,12 @@ impl Physics {
         }
         // smooth forces: as for α = 2
         let fraction = self.method.default_step_fraction(2.0);
+        allowed.extend(self.bonds_settle_s().map(|settling_s| Allowed {
+            usual_s: 0.4 * fraction * settling_s,
+            // a longer one is refused where a configuration is read: recordings have some
+            longest_s: f64::INFINITY,
+            by: Limit::Damping,
+        }));
         let linear = self.fastest_linear();
         allowed.extend(linear.map(|(time_s, by)| Allowed {
             usual_s: fraction * time_s,
@@ -86,6 +92,16 @@ impl Physics {
             Some(Allowed { usual_s, longest_s: f64::INFINITY, by: Limit::Drive(number) })
         }));
         allowed
+    }
+
+    /// `T_settle` (s) of bonds, which have dashpots alone: it is the same whatever the law.
+    fn bonds_settle_s(&self) -> Option<f64> {
+        match (self.damping, &self.bonds) {
+            (Some(Damping::ViscousNSPerM(coefficient)), Some(_)) => {
+                Some(self.extremes().lightest_kg / (2.0 * coefficient))
+            }
+            _ => None,
+        }
     }
 
     /// The steps that contacts of `law` allow.
@@ -173,6 +189,13 @@ impl Physics {
     pub(super) fn steps(&self, time: TimeConfig) -> Result<(f64, u64), ConfigError> {
         let Some(dt_s) = time.dt_s else { return self.whole_steps(time.duration_s, None) };
         self.check_dt(dt_s)?;
+        if let Some(settling_s) = self.bonds_settle_s().filter(|settling_s| dt_s > 0.25 * settling_s) {
+            let longest_s = 0.25 * settling_s;
+            let allowed = format!(
+                "at most {longest_s:.3e} s, a quarter of the time in which dashpots slow a bead down"
+            );
+            return Err(ConfigError::number("time.dt_s", dt_s, &allowed));
+        }
         Ok((dt_s, checked_count(time.duration_s, dt_s, (time.duration_s / dt_s).round())?))
     }
 

@@ -171,15 +171,21 @@ impl Physics {
                 }
                 before.1
             };
-            let overlap_m = rest_m + moved_m;
-            let by_law = chain.law.tangent(chain.stiffness[c], overlap_m);
-            chain.terms.iter().fold(by_law, |sum, term| {
-                let stiffness = term.stiffness[c];
-                let tangent = term.law.tangent(stiffness, overlap_m);
-                let at_rest = term.law.tangent(stiffness, rest_m);
-                let by_energy = energy_j.and_then(|energy_j| term.law.tangent_by_energy(at_rest, energy_j));
-                sum + by_energy.map_or(tangent, |most| smaller(tangent, most))
-            })
+            let slope = |overlap_m: f64| {
+                let by_law = chain.law.tangent(chain.stiffness[c], overlap_m);
+                chain.terms.iter().fold(by_law, |sum, term| {
+                    let stiffness = term.stiffness[c];
+                    let tangent = term.law.tangent(stiffness, overlap_m);
+                    let at_rest = term.law.tangent(stiffness, rest_m);
+                    let by_energy =
+                        energy_j.and_then(|energy_j| term.law.tangent_by_energy(at_rest, energy_j));
+                    sum + by_energy.map_or(tangent, |most| smaller(tangent, most))
+                })
+            };
+            // bonds may be harder where they are longer
+            let others_m =
+                if self.bonds.is_some() { [rest_m, rest_m - moved_m] } else { [rest_m + moved_m; 2] };
+            others_m.into_iter().map(slope).fold(slope(rest_m + moved_m), larger)
         };
         (0..chain.contact_count()).map(&mut at).collect()
     }
