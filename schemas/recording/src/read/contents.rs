@@ -2,6 +2,7 @@
 
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
+use crate::proto::CHAIN;
 use crate::read::parse::{MAX_STRUCTURE_BYTES, parse_record};
 use crate::read::records::check_crc;
 use mcap::records::{Metadata, Record, op};
@@ -160,6 +161,11 @@ impl Contents {
             }
         }
         by_topic
+    }
+
+    /// True if nothing but the chain is known: a recording that was stopped before its states, or an empty file.
+    pub(crate) fn are_before_states(&self) -> bool {
+        self.channels.values().all(|channel| channel.topic == CHAIN.topic)
     }
 
     /// The topics, for messages.

@@ -226,7 +226,7 @@ impl RecordingSource {
 
     fn read_end(&self) -> Result<Pending, ReadError> {
         let (contents, manifest) = (self.messages.contents(), self.messages.manifest());
-        if !contents.channels.is_empty() || self.messages.is_finished() {
+        if !contents.are_before_states() || self.messages.is_finished() {
             self.messages.check_has(proto::STATE.topic)?;
         }
         let Some(end) = contents.end.as_ref().filter(|_| self.messages.is_finished()) else {

@@ -230,7 +230,7 @@ impl Audit {
     /// # Errors
     /// [`ReadError::NoChannel`] if it is a recording of something else.
     pub fn check_has_states(&self) -> Result<(), ReadError> {
-        if self.last_step.is_some() || self.messages.contents().channels.is_empty() {
+        if self.last_step.is_some() || self.messages.contents().are_before_states() {
             return Ok(());
         }
         self.messages.check_has(proto::STATE.topic)

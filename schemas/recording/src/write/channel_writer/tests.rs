@@ -92,6 +92,24 @@ fn a_file_is_what_mcaps_own_writer_makes_of_the_same_messages() {
     assert_eq!((first_difference, ours.len()), (None, theirs.len()));
 }
 
+/// Whoever is stopped just then leaves a recording without states, with which a run begins anew.
+#[test]
+fn a_file_may_end_between_its_definitions() {
+    let directory = tempfile::tempdir().expect("directory");
+    let (path, cut) = ["test.mcap.partial", "cut.mcap"].map(|name| directory.path().join(name)).into();
+    let options = options(Compression::None);
+    let mut writer =
+        ChannelWriter::create(&path.with_extension(""), &manifest(), None, None, &options).expect("new");
+    for topic in [proto::CHAIN, proto::STATE, proto::SUMMARY] {
+        writer.add_channel(topic).expect("new");
+        writer.flush().expect("flushed");
+        fs::copy(&path, &cut).expect("copied");
+        let end = crate::RecordingSource::open(&cut).expect("begun").receive().expect("readable");
+        assert!(matches!(end, schemas::frame::Received::End(schemas::frame::EndReason::Unfinished)));
+        assert_eq!(crate::RecordingInfo::read(&cut).expect("begun").damage, None);
+    }
+}
+
 /// Compressed, the bytes are zstd's choice; what is in them is not.
 #[test]
 fn mcaps_own_reader_finds_the_same_in_compressed_chunks() {
