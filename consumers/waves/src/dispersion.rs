@@ -37,7 +37,14 @@ impl UnitCell {
             if repeats.is_empty() || odd * 100 > repeats.len() * Self::ODD_PERCENT {
                 return None;
             }
-            let first = repeats.windows(period).position(|window| window.iter().all(|repeats| *repeats))?;
+            let places: Vec<usize> = (0..repeats.len().saturating_sub(period - 1))
+                .filter(|place| repeats[*place..][..period].iter().all(|repeats| *repeats))
+                .collect();
+            // what is odd may lie at one of these, not at two
+            let quarters = [1, 2, 3].into_iter().filter_map(|quarter| places.get(places.len() * quarter / 4));
+            let first = quarters
+                .copied()
+                .find(|first| unlike(chain, *first, period) * 100 <= last * Self::ODD_PERCENT)?;
             let beads = first..first + period;
             Some(Self {
                 mass_kg: chain.mass_kg[beads.clone()].to_vec(),
@@ -109,6 +116,22 @@ impl UnitCell {
     }
 }
 
+/// Number of beads that are not those of the cell at `first` in their turn, which begins anew behind a wall between two domains.
+fn unlike(chain: &LinearChain, first: usize, period: usize) -> usize {
+    let last = chain.bead_count() - 1;
+    let is_at = |bead: usize, place: usize| bead < last && is_alike(chain, bead, first + place % period);
+    let (mut odd, mut place) = (0, period - first % period);
+    for bead in 0..last {
+        place += 1;
+        if !is_at(bead, place - 1) {
+            odd += 1;
+            let goes_on = |turn: &usize| (1..=period).all(|away| is_at(bead + away, turn + away - 1));
+            place = (0..period).find(goes_on).unwrap_or(place % period);
+        }
+    }
+    odd
+}
+
 /// True if two beads with the contacts behind them are the same, to rounding.
 fn is_alike(chain: &LinearChain, one: usize, other: usize) -> bool {
     let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
@@ -152,6 +175,22 @@ mod tests {
         let expected = [0.0, low, high, (2.0 * k * (1.0 / light + 1.0 / heavy)).sqrt()];
         assert!(edges.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-7), "{edges:?} {expected:?}");
         assert!(!UnitCell::carries(&cell.bands_hz(), 0.5 * (low + high) / TAU));
+    }
+
+    /// A head of other beads is odd, and so is a wall between two domains; two halves have no cell of both.
+    #[test]
+    fn a_cell_is_that_of_nearly_all_beads() {
+        let with = |mass_kg: &dyn Fn(usize) -> f64| {
+            let mut linear = chain(60, &[1.0], 1.0, 0.0);
+            (0..60).for_each(|bead| linear.mass_kg[bead] = mass_kg(bead));
+            UnitCell::of(&linear).map(|cell| cell.mass_kg)
+        };
+        assert_eq!(with(&|bead| if bead < 30 { 1.0 } else { 0.25 }), None);
+        assert_eq!(with(&|bead| if bead < 30 && bead % 2 == 0 { 2.0 } else { 1.0 }), None);
+        assert_eq!(with(&|bead| if bead < 4 { 5.0 } else { 2.0 }), Some(vec![2.0]));
+        let mut domains = with(&|bead| [1.0, 3.0][(bead + usize::from(bead > 20)) % 2]).expect("two domains");
+        domains.sort_by(f64::total_cmp);
+        assert_eq!(domains, [1.0, 3.0]);
     }
 
     #[test]

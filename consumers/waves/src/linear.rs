@@ -104,6 +104,23 @@ impl LinearChain {
         self.resonators.get(bead).copied().filter(|resonator| resonator.mass_kg > 0.0)
     }
 
+    /// True if all beads and springs are alike, and what ties beads to their places, but for the ends.
+    pub(crate) fn is_uniform(&self) -> bool {
+        let is_even = |values: &[f64]| values.iter().all(|value| *value == values[0]);
+        let has_resonators = (0..self.bead_count()).any(|bead| self.resonator(bead).is_some());
+        !has_resonators
+            && self.contact_n_per_m[0] > 0.0
+            && self.on_site_n_per_m[0] >= 0.0
+            && [&self.mass_kg, &self.contact_n_per_m, &self.on_site_n_per_m]
+                .into_iter()
+                .all(|values| is_even(values))
+    }
+
+    /// True for a ring of which all beads and springs are alike.
+    pub(crate) fn is_uniform_ring(&self) -> bool {
+        self.is_uniform() && self.ring_n_per_m == self.contact_n_per_m[0]
+    }
+
     /// Sum of the springs at `bead` that do not lead to another bead, its resonator's among them (N/m).
     pub fn tied_n_per_m(&self, bead: usize) -> f64 {
         let left = if bead == 0 { self.wall_n_per_m[0] } else { 0.0 };

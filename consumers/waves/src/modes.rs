@@ -2,6 +2,7 @@
 
 use crate::eigen::{Eigen, Square};
 use crate::linear::LinearChain;
+use schemas::functions::sine_cosine;
 use std::f64::consts::TAU;
 
 /// The modes of a linear chain, by ascending frequency.
@@ -67,6 +68,14 @@ impl Modes {
     pub fn of(chain: &LinearChain) -> Result<Self, ModesError> {
         let count = Self::count_of(chain)?;
         let beads = chain.bead_count();
+        if chain.is_uniform_ring() {
+            return Self::sorted(
+                waves_of_ring(chain),
+                vec![chain.mass_kg[0].sqrt(); beads],
+                beads,
+                Vec::new(),
+            );
+        }
         let carriers: Vec<usize> = (0..beads).filter(|bead| chain.resonator(*bead).is_some()).collect();
         let inner = carriers.iter().filter_map(|bead| chain.resonator(*bead));
         let masses = chain.mass_kg.iter().copied().chain(inner.map(|inner| inner.mass_kg));
@@ -93,17 +102,17 @@ impl Modes {
                 *springs.at(row, column) /= root_mass[row] * root_mass[column];
             }
         }
-        Self::solved(springs, root_mass, beads, carriers)
+        let eigen = Eigen::of(springs).ok_or(ModesError::NotFound)?;
+        Self::sorted(eigen, root_mass, beads, carriers)
     }
 
-    fn solved(
-        matrix: Square,
+    fn sorted(
+        Eigen { values, vectors }: Eigen,
         root_mass: Vec<f64>,
         beads: usize,
         carriers: Vec<usize>,
     ) -> Result<Self, ModesError> {
-        let count = matrix.count;
-        let Eigen { values, vectors } = Eigen::of(matrix).ok_or(ModesError::NotFound)?;
+        let count = values.len();
         let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         // rounding makes the zero of a free translation one of this size
         let zero = largest * f64::EPSILON * 32.0 * count as f64;
@@ -186,6 +195,28 @@ impl Modes {
     }
 }
 
+/// The modes of a ring of which all is alike, where two have each frequency and no matrix tells which: the cosine of a wave before its
+/// sine, as [`Modal`](crate::modal::Modal) has them.
+fn waves_of_ring(chain: &LinearChain) -> Eigen {
+    let beads = chain.bead_count();
+    let (mut values, mut vectors) = (Vec::with_capacity(beads), Square::zeros(beads));
+    for mode in 0..beads {
+        let wave = mode.div_ceil(2);
+        let turns = |part: usize| (part % (2 * beads)) as f64 / (2 * beads) as f64;
+        let (sine, _) = sine_cosine((turns(wave), 0.0));
+        values.push(
+            (4.0 * chain.contact_n_per_m[0] * sine * sine + chain.on_site_n_per_m[0]) / chain.mass_kg[0],
+        );
+        let is_alone = mode == 0 || 2 * wave == beads;
+        let size = if is_alone { 1.0 } else { 2.0_f64 } / beads as f64;
+        for bead in 0..beads {
+            let (sine, cosine) = sine_cosine((turns(2 * wave * bead), 0.0));
+            *vectors.at(mode, bead) = size.sqrt() * if mode % 2 == 1 || is_alone { cosine } else { sine };
+        }
+    }
+    Eigen { values, vectors }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,6 +243,29 @@ mod tests {
         assert!((free.participation_beads(0) - f64::from(count)).abs() < 1e-8);
         // Σ sin⁴ is 3(N + 1)/8 exactly
         assert!((fixed.participation_beads(4) - 2.0 / 3.0 * f64::from(count + 1)).abs() < 1e-8);
+    }
+
+    /// The waves of a ring of equal beads solve its equations, and are of unit length and at right angles to each other.
+    #[test]
+    fn a_ring_of_equal_beads_has_waves() {
+        for beads in [3, 4, 9, 33, 64_usize] {
+            let mut ring = chain(beads, &[2.0], 3.0, 0.0);
+            (ring.ring_n_per_m, ring.on_site_n_per_m) = (3.0, vec![0.7; beads]);
+            let modes = Modes::of(&ring).expect("modes");
+            assert!(modes.omega_rad_s().is_sorted());
+            for mode in 0..beads {
+                let (wave, square) = (modes.vectors.row(mode), modes.omega_rad_s()[mode].powi(2));
+                for bead in 0..beads {
+                    let [left, right] = [beads - 1, 1].map(|away| wave[(bead + away) % beads]);
+                    let pulled = (6.7 * wave[bead] - 3.0 * (left + right)) / 2.0;
+                    assert!((pulled - square * wave[bead]).abs() < 1e-13, "{beads} beads, mode {mode}");
+                }
+                for other in 0..beads {
+                    let product: f64 = wave.iter().zip(modes.vectors.row(other)).map(|(a, b)| a * b).sum();
+                    assert!((product - f64::from(u8::from(mode == other))).abs() < 1e-13);
+                }
+            }
+        }
     }
 
     /// All modes together have the energy of the chain.
