@@ -64,7 +64,7 @@ export function act(page, action, by, key) {
   const acts = {
     play: () => timeline.toggle(),
     step: () => timeline.by(by),
-    frame: () => timeline.by(by * timeline.frameSteps),
+    frame: () => timeline.byFrame(by),
     leap: () => timeline.by(by * Math.max(1, Math.round((steps[1] - steps[0]) / 20))),
     ends: () => timeline.by(by * Infinity),
     live: () => run.info.kind === "live" && page.look({ step: undefined }),

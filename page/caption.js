@@ -42,7 +42,9 @@ export function captionOf(page, { isTable = false } = {}) {
     lines.push(`changed, dashed: ${words}`);
   }
   if (page.comparison.other) {
-    lines.push(`compared, dashed: ${page.comparison.other.name}${page.comparison.difference ? ", and the difference as a map" : ""}`);
+    const difference = page.comparison.difference ? ", and the difference as a map" : "";
+    const isOver = page.secondState ? "" : "; it has no state at the cursor";
+    lines.push(`compared, dashed: ${page.comparison.other.name}${difference}${isOver}`);
   }
   const missing = isTable ? "" : leftOut(run.rows, info);
   if (missing) {

@@ -14,7 +14,7 @@ import { checkPhysics } from "./manifest.js";
  * @typedef {{ what: "mass" | "alpha" | "speed" | "drive" | "bond", bead: number, value: number, part?: string }} Change
  */
 
-/** Numbers of a waveform that are changed here: a drive with others has the same steps. */
+/** Numbers of a waveform that are changed here. */
 const OF_DRIVES = ["constant", "amplitude", "frequency_hz", "phase_rad"];
 
 /** Stiffnesses of bonds, and the springs that they make: terms of δ, δ² and δ³. @type {[string, number, string][]} */
@@ -214,6 +214,9 @@ export function changed(change, manifest, chain) {
     const [now, then] = [collisionTime(physics), collisionTime(before)];
     shorter = now > 0 && then > 0 ? now / then : 1;
     shorter = beyondPlain(before) && !(shorter < 1) ? 1 : shorter;
+  } else if (what === "drive") {
+    const [now, then] = [physics, before].map((one) => scalesOf(one, chain).time_s);
+    shorter = now > 0 && then > 0 ? Math.min(1, now / then) : 1;
   } else if (what === "bond") {
     const was = /** @type {Record<string, number>} */ (before.bonds)[part];
     const power = OF_BONDS.find(([name]) => name === part)?.[1];

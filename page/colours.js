@@ -184,16 +184,18 @@ export class ColourScale {
 
   /**
    * Paints a pixel for each number.
-   * @param {Float32Array} cells
+   * @param {ArrayLike<number>} cells
    * @param {Uint32Array} pixels
    */
   paint(cells, pixels) {
     this.table ??= this.made();
-    const { table } = this;
+    const { table, limit } = this;
     // the upper half of a float's bits tells it to 1 part in 128, which is finer than the eye is
-    const bits = new Uint32Array(cells.buffer, cells.byteOffset, cells.length);
-    for (let i = 0; i < bits.length; i += 1) {
-      pixels[i] = table[bits[i] >>> 16];
+    const float = new Float32Array(1);
+    const bits = new Uint32Array(float.buffer);
+    for (let i = 0; i < cells.length; i += 1) {
+      float[0] = cells[i] / limit;
+      pixels[i] = table[bits[0] >>> 16];
     }
   }
 
@@ -204,7 +206,7 @@ export class ColourScale {
     return Uint32Array.from({ length: 1 << 16 }, (_, upper) => {
       // the middle of its floats, but of powers of two themselves: classes and 0 are exact
       word[0] = (upper << 16) | (upper & 0x7f ? 0x8000 : 0);
-      const shade = this.shade(Math.min(Math.max(float[0], this.from), this.to)); // beyond the ends as at the ends
+      const shade = this.shade(Math.min(Math.max(float[0] * this.limit, this.from), this.to)); // beyond the ends as at the ends
       return levels[Math.round(LEVELS * (Number.isNaN(shade) ? 0 : shade)) + LEVELS];
     });
   }

@@ -8,35 +8,24 @@ import { CanvasSurface } from "./surface.js";
 /** @typedef {Record<string, number | string>} Traits */
 /** @typedef {{ traits: Traits, name: string, open: () => void }} Compared */
 
-/** Units as names of columns end with them. @type {[string, string][]} */
-const UNITS = [
-  ["beads_per_s", "beads/s"],
-  ["n_s_per_m", "N·s/m"],
-  ["kg_m_s", "kg·m/s"],
-  ["m_s2", "m/s²"],
-  ["m_s", "m/s"],
-  ["hz", "Hz"],
-  ["kg", "kg"],
-  ["rad", "rad"],
-  ["pa", "Pa"],
-  ["beads", "beads"],
-  ["ns", "ns"],
-  ["j", "J"],
-  ["n", "N"],
-  ["s", "s"],
-  ["m", "m"],
-];
+/** Units as names of columns end with them, the longest of those that fit first. */
+const UNITS = Object.entries({
+  ...{ beads_per_s: "beads/s", rad_per_s: "rad/s", n_per_m: "N/m", n_per_m3: "N/m³", n_s_per_m: "N·s/m", kg_m3: "kg/m³" },
+  ...{ m_s2: "m/s²", beads2: "beads²", kg_m_s: "kg·m/s", n_s: "N·s", m_s: "m/s", beads_s: "beads/s", per_s: "1/s", per_m: "1/m" },
+  ...{ beads: "beads", kg: "kg", rad: "rad", hz: "Hz", pa: "Pa", j: "J", w: "W", k: "K", n: "N", m: "m", s: "s" },
+});
 
 /**
- * The name of a column and its unit, as a path or a name says them.
+ * The name of a column and its unit, as a path or a name says them, with the place that may follow.
  * @param {string} path
  * @returns {[string, string]}
  */
 export function nameAndUnit(path) {
-  const found = UNITS.find(([end]) => path.toLowerCase().endsWith(`_${end}`));
-  const name = found ? path.slice(0, -1 - found[0].length) : path;
+  const [column, place] = path.split("@");
+  const found = UNITS.find(([end]) => column.toLowerCase().endsWith(`_${end}`));
+  const name = found ? column.slice(0, -1 - found[0].length) : column;
   const words = name.replace(/\.0\b|\[0\]/g, "").replace(/[._]/g, " ").replace(/^chain /, "");
-  return [words, found?.[1] ?? ""];
+  return [words + (place ? ` at ${place}` : ""), found?.[1] ?? ""];
 }
 
 /** @param {string} path */

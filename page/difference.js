@@ -63,7 +63,7 @@ export class DifferenceFields {
    * @param {Difference} state
    * @param {[number, number]} places
    * @param {number} columns
-   * @param {Float32Array} into
+   * @param {Float64Array} into
    */
   row(field, { pair }, [first, last], columns, into) {
     const count = last - first + 1;
@@ -72,8 +72,8 @@ export class DifferenceFields {
     }
     const [own, others] = this.values;
     const [a, b] = /** @type {[State, State]} */ (pair);
-    this.first.row(field, a, [first, last], count, /** @type {any} */ (own));
-    this.other.row(field, b, [first, last], count, /** @type {any} */ (others));
+    this.first.row(field, a, [first, last], count, own);
+    this.other.row(field, b, [first, last], count, others);
     let place = 0;
     for (let column = 0; column < columns; column += 1) {
       const end = Math.ceil(((column + 1) * count) / columns);

@@ -6,24 +6,20 @@ import { curveCount } from "./rows.js";
 /** @typedef {import("./types.d.ts").Rows} Rows */
 /** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
 
-/** A typed array that has room for what is added to it. */
-class Growing {
-  /**
-   * @template {Float64Array | Float32Array} T
-   * @param {T} array
-   * @param {T} more
-   * @param {number} from
-   * @returns {T}
-   */
-  static put(array, more, from) {
-    let into = array;
-    if (from + more.length > array.length) {
-      into = /** @type {T} */ (new /** @type {any} */ (array.constructor)(Math.max(from + more.length, 2 * array.length)));
-      into.set(array.subarray(0, from));
-    }
-    into.set(more, from);
-    return into;
+/**
+ * The array with more values from a place on: itself, or where it has no room a larger one.
+ * @param {Float64Array} array
+ * @param {Float64Array} more
+ * @param {number} from
+ */
+function put(array, more, from) {
+  let into = array;
+  if (from + more.length > array.length) {
+    into = new Float64Array(Math.max(from + more.length, 2 * array.length));
+    into.set(array.subarray(0, from));
   }
+  into.set(more, from);
+  return into;
 }
 
 export class Engine {
@@ -161,7 +157,7 @@ export class Engine {
       columns: 0,
       count: 0,
       steps: new Float64Array(0),
-      cells: new Float32Array(0),
+      cells: new Float64Array(0),
       lows: new Float64Array(0),
       highs: new Float64Array(0),
       seen: -1,
@@ -176,10 +172,10 @@ export class Engine {
         // all of them anew, in an object of its own: whoever has painted the rows before sees that it is another
         rows = { request, columns, count: steps.length, steps, cells, lows, highs, seen, fresh: 0, isWhole };
       } else {
-        rows.steps = Growing.put(rows.steps, steps, from);
-        rows.cells = Growing.put(rows.cells, cells, from * columns);
-        rows.lows = Growing.put(rows.lows, lows, from * wide);
-        rows.highs = Growing.put(rows.highs, highs, from * wide);
+        rows.steps = put(rows.steps, steps, from);
+        rows.cells = put(rows.cells, cells, from * columns);
+        rows.lows = put(rows.lows, lows, from * wide);
+        rows.highs = put(rows.highs, highs, from * wide);
         rows.count = from + steps.length;
         rows.fresh = Math.min(rows.fresh, from);
         Object.assign(rows, { seen, isWhole });

@@ -3,6 +3,7 @@
 import { captionOf } from "./caption.js";
 import { curveCount } from "./rows.js";
 import { make, save } from "./elements.js";
+import { beadsOf } from "./map.js";
 import { filmWords, hasFilm, makeFilm } from "./film.js";
 import { fileWords, takeRecording } from "./taking.js";
 
@@ -26,7 +27,7 @@ export function profileCsv({ state, fields }, [first, last]) {
   const rows = [["step", "time_s", "bead", "displacement_m", "velocity_m_s", "energy_J"]];
   if (state) {
     const energies = new Float64Array(last - first + 1);
-    fields.row("energy", state, [first, last], energies.length, /** @type {any} */ (energies));
+    fields.row("energy", state, [first, last], energies.length, energies);
     for (let bead = first; bead <= last; bead += 1) {
       rows.push([state.step, state.time_s, bead, state.u[bead], state.v[bead], energies[bead - first]]);
     }
@@ -65,7 +66,7 @@ export async function curvesCsv({ engine, physics }, request, onrows) {
 
 /**
  * The map: a line for each row, a column for each column of the picture, named by its first place. These numbers are
- * what is painted: of the places and steps of a cell the value of the largest magnitude, in single precision.
+ * what is painted: of the places and steps of a cell the value of the largest magnitude.
  * @param {Run} run
  */
 export function mapCsv({ rows, physics }) {
@@ -116,7 +117,7 @@ export function exportDialog(page) {
     button.disabled = false;
   };
   const places = () => {
-    const [from, to] = page.window().places;
+    const [from, to] = beadsOf({ ...page.window(), field: page.view.field });
     return /** @type {[number, number]} */ ([
       Math.max(0, Math.round(from)),
       Math.min(run.beads - 1, Math.ceil(to - 0.5)),

@@ -209,7 +209,7 @@ export class Fields {
    * @param {import("./types.d.ts").State} state
    * @param {[number, number]} places
    * @param {number} columns
-   * @param {Float32Array} into
+   * @param {Float64Array} into
    */
   row(field, state, [first, last], columns, into) {
     const { u, v } = state;

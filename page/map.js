@@ -279,6 +279,11 @@ export function placesOf({ places: [from, to], field }) {
   return { from, to, name: isOfContacts(field) ? "contact" : "bead", whole: true };
 }
 
+/** The ends of the places in view as beads, of real number. @param {Pick<View, "places" | "field">} view */
+export function beadsOf({ places, field }) {
+  return places.map((place) => (isOfContacts(field) ? place + 0.5 : place));
+}
+
 /** @typedef {ReturnType<typeof mapScales>} Scales */
 
 /** A bead on the axis of a field: bead b is between contacts b − 1 and b. @param {number} bead @param {View} view */

@@ -382,6 +382,13 @@ export class Page {
     return run && second ? (step * run.physics.dt_s) / second.physics.dt_s : step;
   }
 
+  /** The state of the changed run, or the other one, at the cursor; none beyond its ends. */
+  get secondState() {
+    const { second } = this;
+    const step = this.secondStep(this.step);
+    return second && Math.abs(second.clamp(step) - step) < 1 ? second.state : undefined;
+  }
+
   /**
    * Zooms: factors below 1 show less; around a part of the plot.
    * @param {number} ofPlaces

@@ -57,7 +57,7 @@ export class Pictures {
           state: run.state,
           chain: run.info.chain,
           fields: run.fields,
-          second: second?.state,
+          second: this.page.secondState,
           secondFields: second?.fields,
           secondName: this.page.comparison.other?.name,
         },
@@ -126,7 +126,7 @@ export class Pictures {
       field: page.view.field,
       log: page.view.log,
       range: page.view.colours ?? page.comparison.commonEnds(run),
-      cursor: run === page.comparison.difference ? page.run?.state?.step : run.state?.step,
+      cursor: (run === page.second ? page.secondState : page.run?.state)?.step,
       dt_s: run.physics.dt_s,
       impurities: run.physics.impurities.map((impurity) => impurity.bead),
       chosen: [...new Set([...page.view.beads, ...(page.view.bead === undefined ? [] : [bead])])],
@@ -145,7 +145,7 @@ export class Pictures {
       drawNotes(surface, box, view, page.notes, factor, colours);
     }
     if (page.view.ruler) {
-      drawRuler(surface, box, view, page.view.ruler, factor, /** @type {Run} */ (page.run).physics, colours);
+      drawRuler(surface, box, view, page.view.ruler, factor, /** @type {Run} */ (page.run).info, colours);
     }
   }
 

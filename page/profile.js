@@ -1,7 +1,7 @@
 // The chain at one time: a curve along it, and beads drawn as beads when few are in view.
 
 import { TICK_PX, amount, bottomAxis, frame, leftAxis, linear } from "./axes.js";
-import { FIELD_LABELS, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } from "./map.js";
+import { FIELD_LABELS, beadsOf, isOfContacts, mapScales, placeOfBead, placesOf, plotOf } from "./map.js";
 
 /** @typedef {import("./surface.js").Box} Box */
 /** @typedef {import("./surface.js").Surface} Surface */
@@ -202,11 +202,12 @@ export function drawProfile(surface, box, data, view, theme) {
 }
 
 /**
- * Places of drawn beads: circles of radius ∝ m^(1/3) side by side, moved together by overlaps and apart by gaps.
+ * Places of drawn beads: circles of radius ∝ m^(1/3) side by side at rest, moved together and apart as overlaps and gaps change,
+ * and as much larger as contacts overlap at rest.
  * @param {State} state @param {ProfileData} data @param {View} view
  */
 function arranged({ u }, { chain }, view) {
-  const [from, to] = view.places.map((place) => (isOfContacts(view.field) ? place + 0.5 : place));
+  const [from, to] = beadsOf(view);
   const first = Math.max(0, Math.floor(from) - 1);
   const last = Math.min(u.length - 1, Math.ceil(to) + 1);
   const count = last - first + 1;
@@ -215,9 +216,10 @@ function arranged({ u }, { chain }, view) {
   radii.forEach((radius, i) => {
     radii[i] = (0.5 * radius * count) / sum; // so that they fill the places that they have
   });
+  const restOf = (/** @type {number} */ i) => chain.restOverlap[first + i] ?? 0;
   const overlaps = Float64Array.from(
     { length: Math.max(0, count - 1) },
-    (_, i) => u[first + i] - u[first + i + 1] + (chain.restOverlap[first + i] ?? 0),
+    (_, i) => u[first + i] - u[first + i + 1] + restOf(i),
   );
   const isSeen = (/** @type {number} */ bead) => bead >= from - 0.5 && bead <= to + 0.5;
   const seen = overlaps.filter((_, i) => isSeen(first + i) && isSeen(first + i + 1));
@@ -226,14 +228,15 @@ function arranged({ u }, { chain }, view) {
   // metres that are drawn as one place; a gap is drawn up to half a place
   const metres = Math.max(most, Math.min(widest, most > 1e-3 * widest ? 2 * most : widest)) / 0.4;
   const places = new Float64Array(Math.max(0, count));
+  const drawn = (/** @type {number} */ overlap) => (metres > 0 ? Math.min(Math.max(overlap / metres, -0.5), 0.5) : 0);
   for (let i = 1; i < count; i += 1) {
-    const drawn = metres > 0 ? Math.max(-0.5, overlaps[i - 1] / metres) : 0;
-    places[i] = places[i - 1] + radii[i - 1] + radii[i] - Math.min(drawn, 0.5);
+    places[i] = places[i - 1] + radii[i - 1] + radii[i] + drawn(restOf(i - 1)) - drawn(overlaps[i - 1]);
   }
   const isCut = metres > 0 && widest / metres > 0.5;
   // the middle of what is in view stays where it is
   const shift = places.reduce((total, place, i) => total + first + i - place, 0) / Math.max(1, count);
-  return { first, isSeen, radii, overlaps, metres, isCut, places: places.map((place) => place + shift) };
+  const wide = radii.map((radius, i) => radius + 0.25 * (drawn(restOf(i - 1)) + drawn(restOf(i))));
+  return { first, isSeen, radii: wide, overlaps, metres, isCut, places: places.map((place) => place + shift) };
 }
 
 /**

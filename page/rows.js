@@ -6,7 +6,7 @@ import { rankOf } from "./history.js";
 /** @typedef {import("./types.d.ts").RowsRequest} RowsRequest */
 /** @typedef {import("./types.d.ts").State} State */
 /** `lows` and `highs` are the extremes of what curves show, `cells` those of the map. */
-/** @typedef {{ step: number, cells: Float32Array, lows: Float64Array, highs: Float64Array }} Row */
+/** @typedef {{ step: number, cells: Float64Array, lows: Float64Array, highs: Float64Array }} Row */
 
 /**
  * Curves have so many numbers of a state: its energies, and u and v of each followed bead.
@@ -61,7 +61,7 @@ export class RowTable {
    */
   rowOf(state) {
     const { fields, request, columns } = this;
-    const cells = new Float32Array(columns);
+    const cells = new Float64Array(columns);
     fields.row(request.field, state, request.places, columns, cells);
     const lows = this.curvesOf(state);
     return { step: state.step, cells, lows, highs: lows.slice() };
@@ -170,7 +170,7 @@ export class RowTable {
     const rows = this.rows.slice(from, end);
     const wide = curveCount(this.request.follow);
     const steps = new Float64Array(rows.length);
-    const cells = new Float32Array(rows.length * columns);
+    const cells = new Float64Array(rows.length * columns);
     const lows = new Float64Array(rows.length * wide);
     const highs = new Float64Array(rows.length * wide);
     rows.forEach((row, i) => {

@@ -9,19 +9,30 @@ import { mapScales, placeOfBead } from "./map.js";
 /** Digits that a pointer on a screen decides. */
 const DIGITS = 3;
 
+/** True if a seed has changed these values. @param {Physics} physics @param {string} what */
+function isDisordered({ disorder = [] }, what) {
+  return disorder.some(({ of }) => of === what);
+}
+
 /**
- * Distance of the centres of two spheres (m), at rest and just touching; undefined where beads have no size.
+ * Distance of the centres of two spheres (m), at rest and just touching; undefined where beads have no size. Radii that a seed
+ * has changed follow from masses.
  * @param {Physics} physics
+ * @param {ArrayLike<number>} mass of each bead (kg)
  * @param {number} from a bead, of real number
  * @param {number} to
  */
-export function distanceM({ beads, spheres, odd_spheres: odd = [] }, from, to) {
+export function distanceM(physics, mass, from, to) {
+  const { beads, spheres, odd_spheres: odd = [] } = physics;
   if (spheres === undefined) {
     return undefined;
   }
   const inTurn = Array.isArray(spheres) ? spheres : [spheres];
-  const radius = (/** @type {number} */ bead) =>
-    odd.find((one) => one.bead === bead)?.radius_m ?? inTurn[bead % inTurn.length].radius_m;
+  const byMass = isDisordered(physics, "radii") && !isDisordered(physics, "masses");
+  const radius = (/** @type {number} */ bead) => {
+    const sphere = odd.find((one) => one.bead === bead) ?? inTurn[bead % inTurn.length];
+    return byMass ? Math.cbrt((0.75 * mass[bead]) / (Math.PI * sphere.density_kg_m3)) : sphere.radius_m;
+  };
   const place = (/** @type {number} */ at) => {
     const last = Math.min(Math.max(Math.floor(at), 0), beads - 2);
     let sum = 0;
@@ -37,10 +48,11 @@ export function distanceM({ beads, spheres, odd_spheres: odd = [] }, from, to) {
  * Measures of a ruler: beads, time (s), beads/s, and m/s where beads have a size.
  * @param {Ruler} ruler
  * @param {Physics} physics
+ * @param {ArrayLike<number>} mass
  */
-export function measured([bead0, step0, bead1, step1], physics) {
+export function measured([bead0, step0, bead1, step1], physics, mass) {
   const time_s = (step1 - step0) * physics.dt_s;
-  const metres = distanceM(physics, bead0, bead1);
+  const metres = distanceM(physics, mass, bead0, bead1);
   return {
     beads: bead1 - bead0,
     time_s,
@@ -58,14 +70,15 @@ function few(value, unit) {
  * Text at a ruler, in two lines.
  * @param {Ruler} ruler
  * @param {Physics} physics
+ * @param {ArrayLike<number>} mass
  */
-export function rulerWords(ruler, physics) {
-  const { beads, time_s, beads_per_s: rate, m_per_s: speed } = measured(ruler, physics);
+export function rulerWords(ruler, physics, mass) {
+  const { beads, time_s, beads_per_s: rate, m_per_s: speed } = measured(ruler, physics, mass);
   if (beads === 0 && time_s === 0) {
     return ["drag over the map", ""];
   }
-  // radii that a seed has changed are those of the rule in the mean
-  const about = Reflect.get(Object(Reflect.get(physics, "disorder")), "radii") === undefined ? "" : "≈ ";
+  // where a seed has changed masses, too, radii are those of the rule in the mean
+  const about = ["radii", "masses"].every((what) => isDisordered(physics, what)) ? "≈ " : "";
   const metres = speed === undefined ? "" : ` = ${about}${few(speed, "m/s")}`;
   return [
     time_s === 0 ? "at one time" : `${few(rate, "beads/s")}${metres}`,
@@ -80,10 +93,10 @@ export function rulerWords(ruler, physics) {
  * @param {import("./map.js").View} view of the map
  * @param {Ruler} ruler
  * @param {number} factor steps of this map for a step of the ruler
- * @param {Physics} physics
+ * @param {import("./types.d.ts").Info} info of the run
  * @param {import("./colours.js").Theme} theme
  */
-export function drawRuler(surface, box, view, ruler, factor, physics, theme) {
+export function drawRuler(surface, box, view, ruler, factor, { manifest, chain }, theme) {
   const { plot, x, y } = mapScales(box, view);
   const [x0, x1] = [ruler[0], ruler[2]].map((bead) => x(placeOfBead(bead, view)));
   const [y0, y1] = [ruler[1], ruler[3]].map((step) => y(step * factor));
@@ -94,7 +107,7 @@ export function drawRuler(surface, box, view, ruler, factor, physics, theme) {
     surface.circle(x0, y0, 4, { fill: background, colour, width: 2 });
     surface.circle(x1, y1, 4, { fill: background, colour, width: 2 });
   });
-  const words = rulerWords(ruler, physics).filter(Boolean);
+  const words = rulerWords(ruler, manifest.physics, chain.mass).filter(Boolean);
   const size = TICK_PX + 1;
   const width = Math.max(...words.map((text) => surface.textWidth(text, size, true))) + 12;
   const height = 17 * words.length + 6;

@@ -188,7 +188,7 @@ export class Run {
    */
   value(field, state, place) {
     const into = new Float64Array(1);
-    this.fields.row(field, state, [place, place], 1, /** @type {any} */ (into));
+    this.fields.row(field, state, [place, place], 1, into);
     return into[0];
   }
 }

@@ -48,7 +48,7 @@ export class Spectrum {
     const { page } = this;
     const run = /** @type {Run} */ (page.run);
     const { steps } = page.window();
-    const last = this.of === "force" ? run.beads - 2 : run.beads - 1;
+    const last = run.lastPlace(this.of);
     return { bead: Math.min(page.bead, last), steps: /** @type {[number, number]} */ ([run.clamp(steps[0]), run.clamp(steps[1])]) };
   }
 
@@ -97,9 +97,10 @@ export class Spectrum {
  * @returns {Promise<Found | undefined>}
  */
 async function transformed(run, of, bead, steps) {
-  const follow = of === "force" ? [bead, bead + 1] : [bead];
+  const follow = of === "force" ? [bead, (bead + 1) % run.beads] : [bead];
   const [wide, first] = [curveCount(follow), curveCount([])];
-  const rest = run.info.chain.restOverlap[bead];
+  const { restOverlap, ring } = run.info.chain;
+  const rest = restOverlap[bead] ?? ring?.restOverlap;
   const value = (/** @type {Float64Array} */ values, /** @type {number} */ at) =>
     of === "velocity"
       ? values[at + 1]
@@ -203,7 +204,7 @@ export function spectrumPanel(page) {
     page.tabs.forget();
     page.board.invalidate();
   });
-  const place = of === "force" ? `contact ${bead}, of beads ${bead} and ${bead + 1}` : `bead ${bead}`;
+  const place = of === "force" ? `contact ${bead}, of beads ${bead} and ${(bead + 1) % run.beads}` : `bead ${bead}`;
   const text = (/** @type {string} */ said) => make("p", { class: "words" }, said);
   const csv = () => {
     const lines = Array.from(/** @type {Found} */ (found).density, (value, i) => `${found?.frequencies[i]},${value}`);

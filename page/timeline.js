@@ -40,7 +40,7 @@ export class Timeline {
       ["back", -1],
       ["on", 1],
     ])) {
-      byId(id).addEventListener("click", (event) => this.by(event.shiftKey ? by * this.frameSteps : by));
+      byId(id).addEventListener("click", (event) => (event.shiftKey ? this.byFrame(by) : this.by(by)));
     }
   }
 
@@ -85,6 +85,12 @@ export class Timeline {
   by(steps) {
     this.pause();
     this.on.onseek(this.step + steps);
+  }
+
+  /** Moves to the next stored state, or the one before. @param {number} direction 1 or −1 */
+  byFrame(direction) {
+    const at = direction * (this.step / this.frameSteps);
+    this.by(direction * (Math.floor(at) + 1) * this.frameSteps - this.step);
   }
 
   toggle() {

@@ -13,8 +13,9 @@ export interface Physics {
   strikers?: { bead: number; velocity_m_s: number }[];
   /** The state of step 0 is another one than strikers and drives make. */
   initial?: unknown;
-  spheres?: { radius_m: number } | { radius_m: number }[];
-  odd_spheres?: { bead: number; radius_m: number }[];
+  spheres?: Sphere | Sphere[];
+  odd_spheres?: ({ bead: number } & Sphere)[];
+  disorder?: { of: string }[];
   drives?: DriveEntry[];
   baths?: BathEntry[];
   /** Of disorder, thermal velocities and baths. */
@@ -36,6 +37,11 @@ export interface Physics {
   masses?: unknown;
   stiffnesses?: unknown;
   contacts?: { contact: number; stiffness: number }[];
+}
+
+export interface Sphere {
+  radius_m: number;
+  density_kg_m3: number;
 }
 
 /** What moves a wall or a bead, or pulls at a bead: one of the three, over time. */
@@ -233,7 +239,7 @@ export interface Rows {
   count: number;
   steps: Float64Array;
   /** `columns` values a row: of the places and steps of a cell the one that is largest in magnitude. */
-  cells: Float32Array;
+  cells: Float64Array;
   /** The least and the largest of ENERGY_COUNT energies (J), then of u and v of each followed bead, a row after the other. */
   lows: Float64Array;
   highs: Float64Array;

@@ -189,7 +189,7 @@ impl<'a> Session<'a> {
             "first_frame": tally.first_frame,
             "last_frame": tally.last_frame,
             "end": display::end_word(tally.end, tally.ended_as_asked),
-            "figures": self.figures,
+            "figures": display::texts_of(self.figures),
             "results": results,
         });
         report(self.args.json, &all, || {

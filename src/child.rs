@@ -17,7 +17,8 @@ pub(crate) fn set_program(program: Option<Vec<OsString>>) {
     }
 }
 
-fn this_program() -> Result<Command, Error> {
+/// The beginning of a command that starts this program.
+pub(crate) fn this_program() -> Result<Command, Error> {
     let Some([program, words @ ..]) = PROGRAM.get().map(Vec::as_slice) else {
         return Ok(Command::new(std::env::current_exe().context("the program cannot find itself")?));
     };

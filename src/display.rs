@@ -13,6 +13,7 @@ use schemas::text::shown;
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
+use std::path::PathBuf;
 use terminal_size::{Width, terminal_size_of};
 
 /// Prints a notice or a warning on stderr, formatted as by `format!`.
@@ -92,6 +93,11 @@ pub(crate) fn print(text: impl Display) -> Result<(), Error> {
 /// Prints results on stdout for a program.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Error> {
     put(&printable_json(&format!("{}\n", serde_json::to_string_pretty(value)?)))
+}
+
+/// Paths as JSON has them, whose texts are UTF-8.
+pub(crate) fn texts_of(paths: &[PathBuf]) -> Vec<String> {
+    paths.iter().map(|path| path.display().to_string()).collect()
 }
 
 fn put(text: &str) -> Result<(), Error> {

@@ -242,9 +242,15 @@ pub(crate) fn hindrance(info: &RecordingInfo) -> Option<String> {
     } else if info.end.as_ref().is_some_and(|end| end.reason == EndReason::Continued) {
         Some("it goes on in its next part: only a recording in one part can be resumed".to_owned())
     } else if info.frames() > most_states(info) {
-        let path = info.path.display();
+        let path = info.path.display().to_string();
+        // what was not closed is not thinned
+        let (first, path) = if info.end.is_none() {
+            (format!("`beadline recover {path} --out WHOLE.mcap` and then "), "WHOLE.mcap".to_owned())
+        } else {
+            (String::new(), path)
+        };
         Some(format!(
-            "it holds states between frames, which nobody would write from here on; `beadline thin {path} --every-steps {} \
+            "it holds states between frames, which nobody would write from here on; {first}`beadline thin {path} --every-steps {} \
              --out OTHER.mcap` makes one without",
             info.manifest.provenance.publish_every_steps
         ))

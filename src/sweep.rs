@@ -19,7 +19,7 @@ mod work;
 
 use crate::args::Shard;
 use crate::configuration::origin;
-use crate::display::{count, counted};
+use crate::display::{self, count, counted};
 use crate::failure::Failure;
 use crate::forecast::Forecast;
 use crate::links::check_inside;
@@ -95,7 +95,7 @@ pub(crate) struct Outcome {
     pub(crate) tally: Tally,
     /// The merged tables; none while rows are missing, or if another process is just writing them.
     #[serde(rename = "results")]
-    pub(crate) files: Option<Vec<PathBuf>>,
+    pub(crate) files: Option<Vec<String>>,
 }
 
 /// A point for the page.
@@ -154,7 +154,20 @@ pub(crate) fn compute(
     let is_whole = options.shard == Shard::WHOLE;
     // a process that is told to stop has no time, and of many shards not each reads what all have written
     let is_stopped = left > 0 && stop.load(Ordering::Relaxed);
-    if is_stopped || !(is_whole || directory.journal_bytes()? <= READ_BY_ALL) {
+    let all_seen = !is_stopped && (is_whole || directory.journal_bytes()? <= READ_BY_ALL);
+    let present = all_seen.then(|| merge::present(&directory, points)).transpose()?;
+    let is_lost = match &present {
+        Some(rows) => Pending { rows, record: false, ..pending }.indices().count() as u64 > left,
+        None => !directory.journal_path(options.shard).exists(),
+    };
+    if is_lost {
+        return Err(Failure::Failed(anyhow!(
+            "{} was moved or deleted while it was being written, and its rows are not there: put it back where it was; without \
+             it, the same command computes its points again",
+            directory.journal_path(options.shard).display()
+        )));
+    }
+    let Some(present) = present else {
         let known = rows.count() + tally.added;
         return Ok(Outcome {
             rows: known,
@@ -166,9 +179,8 @@ pub(crate) fn compute(
             tally,
             files: None,
         });
-    }
-    let is_complete = merge::present(&directory, points)?.count() == points;
-    outcome(sweep, &directory, tally, left, is_complete)
+    };
+    outcome(sweep, &directory, tally, left, present.count() == points)
 }
 
 /// Tells how long the points take, if that is long, and asks.
@@ -261,7 +273,7 @@ fn outcome(
         all_seen: true,
         left,
         tally,
-        files: merged.files,
+        files: merged.files.as_deref().map(display::texts_of),
     })
 }
 

@@ -173,7 +173,7 @@ impl Uploaded {
     pub(crate) fn json(&self) -> Value {
         json!({
             "sent": self.outcome.sent.iter().map(sent_json).collect::<Vec<_>>(),
-            "not_sent": self.left.iter().map(|errand| &errand.file).collect::<Vec<_>>(),
+            "not_sent": self.left.iter().map(|errand| errand.file.to_string_lossy()).collect::<Vec<_>>(),
             "error": self.outcome.error.as_ref().map(in_words),
         })
     }
@@ -200,6 +200,7 @@ pub(crate) fn sent_in_words(Sent { url, bytes: size, parts, kept_bytes }: &Sent)
 
 pub(crate) fn sent_json(sent: &Sent) -> Value {
     let Sent { url, bytes, parts, kept_bytes } = sent;
+    let url = url.to_string_lossy();
     json!({ "url": url, "bytes": bytes, "parts": parts, "bytes_of_earlier_attempts": kept_bytes })
 }
 

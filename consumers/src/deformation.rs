@@ -24,7 +24,8 @@ mod plain;
 
 pub use curve::{Sample, Shape};
 pub use first_pulse::{CLOSED, COUNTED, FirstPulse};
-pub(crate) use plain::Plain;
+pub use plain::Plain;
+pub(crate) use plain::common_velocity_m_s;
 
 use crate::theory::{Coefficients, ContinuumWave, SolitaryWave, Strength, WaveScale};
 use schemas::chain::Chain;
@@ -48,7 +49,7 @@ const ALIKE: usize = 3;
 pub struct Deformations {
     chain: Chain,
     plain: Plain,
-    /// Beads that are struck.
+    /// Beads that are struck, or begin in motion, in ascending order.
     strikers: Vec<usize>,
     contacts: Vec<Followed>,
 }
@@ -95,6 +96,9 @@ pub enum Untold {
     /// Frames are missing, or begin, while it passes.
     #[error("frames of the pulse are missing")]
     Gap,
+    /// A bond was stretched first.
+    #[error("not defined: the bond is stretched before it is pressed, and only what presses is measured")]
+    Stretched,
     /// Fewer than three frames hold it.
     #[error("too few frames hold the pulse")]
     Sparse,
@@ -165,7 +169,7 @@ impl Deformations {
         let physics = &manifest.physics;
         let chain = physics.chain();
         let count = chain.all_contact_count() as u64;
-        let length_m = physics.scales().length_m;
+        let first_pulse = || FirstPulse::new(physics.scales().length_m, chain.is_bonded);
         let gauges = |contact: u64| {
             let ends = if chain.is_ring && count > 2 * BASELINE {
                 [count - BASELINE, BASELINE].map(|on| (contact + on) % count)
@@ -173,18 +177,16 @@ impl Deformations {
                 let behind = contact.checked_add(BASELINE).filter(|behind| *behind < count)?;
                 [contact.checked_sub(BASELINE)?, behind]
             };
-            Some(ends.map(|contact| (contact, FirstPulse::new(length_m))))
+            Some(ends.map(|contact| (contact, first_pulse())))
         };
         let follow = |contact: &u64| {
             let contact = (*contact).min(count - 1);
-            Followed { contact, pulse: FirstPulse::new(length_m), gauges: gauges(contact) }
+            Followed { contact, pulse: first_pulse(), gauges: gauges(contact) }
         };
-        let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
-        let strikers = strikers.filter(|striker| striker.velocity_m_s != 0.0);
         Self {
             contacts: contacts.iter().map(follow).collect(),
             plain: Plain::of(physics, true),
-            strikers: strikers.map(|striker| usize::try_from(striker.bead).unwrap_or(usize::MAX)).collect(),
+            strikers: plain::beads_in_motion(physics),
             chain,
         }
     }
@@ -263,7 +265,8 @@ impl Deformations {
     }
 
     /// Checks that nothing acts on the beads around contact `c` but their contacts, all equal, and that neither an end of
-    /// the chain nor a striker is among them: ends reflect waves, and waves begin at strikers.
+    /// the chain nor a striker, nor another bead that begins in motion, is among them: ends reflect waves, and waves begin
+    /// at strikers.
     fn check_alike(&self, c: usize) -> Result<(), String> {
         /// Beads around a contact.
         const BEADS: usize = 2 * ALIKE + 2;
@@ -275,8 +278,10 @@ impl Deformations {
             return Err(format!("no theory: contact {c} is within {ALIKE} of an end of the chain"));
         }
         let around = |count: usize| (0..count).map(move |i| (c + beads + i - ALIKE) % beads);
-        if around(BEADS).any(|bead| self.strikers.contains(&bead)) {
-            return Err(format!("no theory: contact {c} is within {ALIKE} of a striker"));
+        if around(BEADS).any(|bead| self.strikers.binary_search(&bead).is_ok()) {
+            return Err(format!(
+                "no theory: contact {c} is within {ALIKE} of a striker or of another bead that begins in motion"
+            ));
         }
         let found = self.plain.check(&self.chain, &around(BEADS), &around(BEADS - 1));
         found.map_err(|what| format!("no theory: {what} within {ALIKE} of contact {c}"))
@@ -478,6 +483,19 @@ mod tests {
         let m = manifest(|config| config.striker.more = vec![second]);
         let why = Deformations::new(&m, &[]).check_alike(20).expect_err("struck");
         assert!(why.contains("striker"), "{why}");
+
+        for drift in [0.0, 1.0] {
+            let m = manifest(|config| {
+                config.chain.beads = 60;
+                config.striker.velocity_m_s = 0.0;
+                config.initial.velocities_m_s = vec![drift; 60];
+                config.initial.velocities_m_s[29] = 5.0;
+            });
+            let deformations = Deformations::new(&m, &[]);
+            assert_eq!(deformations.check_alike(40), Ok(()), "{drift}");
+            let why = deformations.check_alike(30).expect_err("bead 29 begins in motion");
+            assert!(why.contains("begins in motion"), "{why}");
+        }
 
         let linear = manifest(|config| config.chain.alpha = 1.0);
         let results = Deformations::new(&linear, &[100]).results();

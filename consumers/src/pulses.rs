@@ -1,6 +1,7 @@
 //! Pulses: found, followed from bead to bead and measured while a run goes.
 //!
-//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed: the *crest*.
+//! A pulse passes a bead when the bead's |v| has a maximum in time while both of its contacts are pressed, as bonds
+//! always are: the *crest*.
 //! A loose bead that flies off, however fast, has no crest. If light and heavy beads alternate, the mean velocity of
 //! several beads has the crest: see `texture.rs`. Crests that follow each other from bead to bead in one direction are
 //! a track, and a track of [`Pulses::SHORTEST_TRACK`] beads is a pulse. The tracker gives a [`Point`] for each bead
@@ -197,5 +198,108 @@ impl Pulse {
             (Some(one), Some(other)) => Some(if peak(&other) > peak(&one) { other } else { one }),
             (one, other) => one.or(other),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::config::RunConfig;
+    use schemas::frame::Frame;
+    use schemas::manifest::{Origin, RunManifest};
+
+    /// The pulses, and what none follows, of a chain with free ends that is simulated with velocity Verlet.
+    fn found(toml: &str) -> (Vec<Pulse>, Vec<Unfollowed>) {
+        let config = RunConfig::from_toml(toml).expect("valid");
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&config, "run", origin).expect("valid");
+        let (chain, dt_s) = (manifest.physics.chain(), manifest.physics.dt_s);
+        let (mut u_m, mut v_m_s) = manifest.physics.initial_state();
+        let kick = |u_m: &[f64], v_m_s: &mut [f64]| {
+            for contact in 0..chain.contact_count() {
+                let impulse_n_s = 0.5 * dt_s * chain.contact_force_n(u_m, contact);
+                v_m_s[contact] -= impulse_n_s / chain.mass_kg[contact];
+                v_m_s[contact + 1] += impulse_n_s / chain.mass_kg[contact + 1];
+            }
+        };
+        let mut pulses =
+            Pulses::new(&manifest, Pulses::DEFAULT_THRESHOLD * Pulses::velocity_scale_m_s(&manifest));
+        let mut ended = Vec::new();
+        let mut take = |happenings: &[Happening]| {
+            ended.extend(happenings.iter().filter_map(|happening| match happening {
+                Happening::Ended(pulse) => Some(*pulse),
+                Happening::Passed(_) => None,
+            }));
+        };
+        for step in 0..=manifest.physics.step_count {
+            let (time_s, extra, active) = (step as f64 * dt_s, &[][..], None);
+            take(pulses.observe(&Frame {
+                frame: step,
+                step,
+                time_s,
+                u_m: &u_m,
+                v_m_s: &v_m_s,
+                extra,
+                active,
+            }));
+            kick(&u_m, &mut v_m_s);
+            u_m.iter_mut().zip(&v_m_s).for_each(|(u, v)| *u += dt_s * v);
+            kick(&u_m, &mut v_m_s);
+        }
+        take(pulses.finish());
+        (ended, pulses.unfollowed().to_vec())
+    }
+
+    /// The forces of these bonds are odd: a kick that pulls makes the same waves as one that pushes, with other signs.
+    #[test]
+    fn a_pulse_that_pulls_is_followed_like_one_that_pushes() {
+        let [push, pull] = ["3.0", "-3.0"].map(|v| {
+            found(&format!(
+                "[chain]\nbeads = 60\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0, cubic = 1.0 }}\n\
+                 [striker]\nbead = 0\nvelocity_m_s = {v}\n[time]\nduration_s = 25.0\n"
+            ))
+        });
+        let strongest = push.0.iter().copied().fold(None, |one, other| Pulse::stronger(one, Some(other)));
+        assert!(strongest.is_some_and(|pulse| pulse.measured.point.v_peak_m_s > 2.2), "{push:?}");
+        let mirrored = |pulse: &Pulse| {
+            let (end, point) = ((pulse.end_bead, pulse.fate), &pulse.measured.point);
+            (pulse.direction, pulse.birth_time_s, end, -point.v_peak_m_s, point.speed_beads_per_s)
+        };
+        let pushed = |pulse: &Pulse| {
+            let (direction, birth_s, end, v, speed) = mirrored(pulse);
+            (direction, birth_s, end, -v, speed)
+        };
+        assert_eq!(
+            push.0.iter().map(pushed).collect::<Vec<_>>(),
+            pull.0.iter().map(mirrored).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn a_chain_that_flies_has_the_pulses_of_one_at_rest() {
+        let [rest, flies] = [0.0, 1.0].map(|drift| {
+            let mut v_m_s = vec![drift; 60];
+            v_m_s[0] += 5.0;
+            let (pulses, _) = found(&format!(
+                "[chain]\nbeads = 60\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n\
+                 [initial]\nvelocities_m_s = {v_m_s:?}\n[time]\nduration_s = 3e-3\n"
+            ));
+            let strongest = pulses.into_iter().fold(None, |one, other| Pulse::stronger(one, Some(other)));
+            strongest.expect("a pulse")
+        });
+        let near = |one: f64, other: f64| (one / other - 1.0).abs() < 1e-4;
+        assert!(flies.speed_over_solitary.is_some_and(|over| near(over, 1.0)));
+        assert!(near(flies.measured.point.v_peak_m_s, rest.measured.point.v_peak_m_s));
+        assert!(near(flies.measured.momentum_kg_m_s, rest.measured.momentum_kg_m_s));
+    }
+
+    #[test]
+    fn beads_without_a_common_velocity_have_no_theory() {
+        let v_m_s: Vec<f64> = (0..60).map(|bead| if bead < 30 { 2.0 } else { -2.0 }).collect();
+        let (pulses, _) = found(&format!(
+            "[chain]\nbeads = 60\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n\
+             [initial]\nvelocities_m_s = {v_m_s:?}\n[time]\nduration_s = 2e-3\n"
+        ));
+        assert!(!pulses.is_empty() && pulses.iter().all(|pulse| pulse.speed_over_solitary.is_none()));
     }
 }

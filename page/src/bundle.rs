@@ -2,7 +2,8 @@
 //!
 //! Modules keep to a small part of the language, so that this needs no parser: whole lines of
 //! `import { a, b } from "./x.js";`, and `export` before a function, a class or a constant at the start of a line. Lines that
-//! are comments, and what lines are indented by, are left out, so that a shared page is small; but not inside of a template.
+//! are comments, types within lines, and what lines are indented by, are left out, so that a shared page is small; but not
+//! inside of a template.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -158,13 +159,21 @@ impl<'a> Module<'a> {
             } else {
                 code.to_owned()
             };
-            module.body.extend([&line, "\n"]);
+            module.body.extend([&untyped(&line), "\n"]);
         }
         if is_template || is_comment {
             return Err(format!("{name}.js: a template or a comment has no end"));
         }
         Ok(module)
     }
+}
+
+/// A line without the comments that are types of values.
+fn untyped(line: &str) -> String {
+    let mut parts = line.split("/** @");
+    let mut code = parts.next().unwrap_or_default().to_owned();
+    code.extend(parts.map(|part| part.split_once("*/").map_or(part, |(_, after)| after.trim_start())));
+    code
 }
 
 /// True if as many templates end as begin in a line.
@@ -205,7 +214,7 @@ mod tests {
         let expected = "\"use strict\";\n\
             const a_js = (() => {\nconst one = 1;\nconst own = `\n  // a`;\nreturn { one };\n})();\n\
             const b_js = (() => {\nconst { one } = a_js;\nasync function two() {\nreturn one;\n}\n\
-            const own = /** @type {any} */ (two);\n/** @type {any} */ (own).x = 1; /* y */\n\
+            const own = (two);\n(own).x = 1; /* y */\n\
             return { two };\n})();\n";
         assert_eq!(found, format!("{expected}{START}"));
     }

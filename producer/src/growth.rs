@@ -36,6 +36,12 @@ const LONGEST_INTERVAL: f64 = 1.6;
 /// The largest part by which damping changes a velocity from look to look.
 const MOST_DAMPED: f64 = 0.5;
 
+/// The largest ω²·t² of a bead alone between its neighbours for which leapfrog with steps of t is stable in any chain.
+const STABLE: f64 = 2.0;
+
+/// Most pieces of the time between two looks, where contacts have become stiffer than the run was thought to make them.
+const MOST_PIECES: f64 = 16.0;
+
 /// The relative change of a number by a rounding: one unit in the last place of a number just above a power of two.
 const ROUNDING: f64 = f64::EPSILON;
 
@@ -88,6 +94,8 @@ pub struct Growth {
     small: (f64, f64),
     began_s: Option<f64>,
     lost: Option<Lost>,
+    /// The largest ω²·t² so far, over the time t between two looks.
+    stiffest: f64,
     is_over: bool,
 }
 
@@ -147,6 +155,7 @@ impl Growth {
             small: (0.0, 0.0),
             began_s: None,
             lost: None,
+            stiffest: 0.0,
             is_over: false,
             chain,
         })
@@ -160,6 +169,11 @@ impl Growth {
     /// The time from which on roundings count, if they do, because they have grown exponentially.
     pub fn lost(&self) -> Option<Lost> {
         self.lost
+    }
+
+    /// The largest ω·dt of a bead between its neighbours at any look, with the step of the run.
+    pub fn stiffest_step(&self) -> f64 {
+        self.stiffest.sqrt() / self.every as f64
     }
 
     /// Looks at the run, if it has come to the next step for a look. No bead outside of `active` has moved, where that is known.
@@ -176,14 +190,25 @@ impl Growth {
         }
         self.looks += 1;
         self.slopes.find(Arch::new(), &state.u_m, self.chain.walls_m(&state.extra), &beads);
-        vectorized(
-            Arch::new(),
-            #[inline(always)]
-            || {
-                self.kick(state, &beads);
-                self.drift(state, &beads);
-            },
-        );
+        let stiffness = self.stiffness(&beads);
+        self.stiffest = if stiffness > self.stiffest { stiffness } else { self.stiffest };
+        let pieces = (stiffness / STABLE).sqrt().ceil().max(1.0);
+        if pieces > MOST_PIECES {
+            self.is_over = true;
+            return;
+        }
+        let mut piece = 0.0;
+        while piece < pieces {
+            vectorized(
+                Arch::new(),
+                #[inline(always)]
+                || {
+                    self.kick(state, &beads, 1.0 / pieces);
+                    self.drift(state, &beads, 1.0 / pieces);
+                },
+            );
+            piece += 1.0;
+        }
         for bead in &self.moved {
             (self.du_m[*bead], self.dv_m_s[*bead]) = (0.0, 0.0);
         }
@@ -195,9 +220,18 @@ impl Growth {
         beads.start.saturating_sub(1)..beads.end.min(self.chain.contact_count()) // integers
     }
 
-    /// Changes the velocities by the forces of a look, over the time to the next one.
+    /// The largest ω²·t² of `beads`, each alone between its neighbours, over the time t to the next look.
+    fn stiffness(&self, beads: &Range<usize>) -> f64 {
+        let time_s = self.every as f64 * self.dt_s;
+        let (slopes, springs) = (&self.slopes.contacts, &self.slopes.springs);
+        let of = |bead: usize| slopes[bead] + slopes[bead + 1] + springs.get(bead).copied().unwrap_or(0.0);
+        let squares = beads.clone().map(|bead| of(bead) * self.kick_s_per_kg[bead] * time_s);
+        squares.fold(0.0, |most, square| if square > most { square } else { most })
+    }
+
+    /// Changes the velocities by the forces of a look, over a part of the time to the next one.
     #[inline(always)]
-    fn kick(&mut self, state: &ChainState, beads: &Range<usize>) {
+    fn kick(&mut self, state: &ChainState, beads: &Range<usize>, part: f64) {
         let contacts = self.contacts_of(beads);
         let du_m = &self.du_m[contacts.start..=contacts.end];
         let slope = &self.slopes.contacts[contacts.start + 1..=contacts.end];
@@ -213,7 +247,10 @@ impl Growth {
                 }
             }
         }
-        let time_s = self.every as f64 * self.dt_s;
+        let time_s = part * (self.every as f64 * self.dt_s);
+        for force_n in &mut force_n[..] {
+            *force_n *= part;
+        }
         let kick_s_per_kg = &self.kick_s_per_kg[contacts.start..=contacts.end];
         let dv_m_s = &mut self.dv_m_s[contacts.start..=contacts.end];
         let count = force_n.len();
@@ -261,10 +298,10 @@ impl Growth {
         }
     }
 
-    /// Changes the displacements until the next look, and adds another rounding to each number.
+    /// Changes the displacements over a part of the time to the next look, and adds another rounding to each number.
     #[inline(always)]
-    fn drift(&mut self, state: &ChainState, beads: &Range<usize>) {
-        let time_s = self.every as f64 * self.dt_s;
+    fn drift(&mut self, state: &ChainState, beads: &Range<usize>, part: f64) {
+        let time_s = part * (self.every as f64 * self.dt_s);
         let sign = if hash(self.looks) & 1 == 0 { 1.0 } else { -1.0 };
         let (du_m, dv_m_s) = (&mut self.du_m[beads.clone()], &mut self.dv_m_s[beads.clone()]);
         let (u_m, v_m_s) = (&state.u_m[beads.clone()], &state.v_m_s[beads.clone()]);

@@ -32,6 +32,8 @@ pub struct RunOutcome {
     /// The time from which on the last places of the run's numbers decide where beads are, if the conductor watches
     /// for it.
     pub lost: Option<Lost>,
+    /// The largest ω·dt of a bead between its neighbours, if the conductor watches for it.
+    pub stiffest_step: Option<f64>,
 }
 
 /// Why a run could not go on. Frames published and recorded before stay valid.
@@ -147,7 +149,8 @@ fn simulate<P: FrameSink, R: FrameSink>(
     let mut simulation = Simulation::new(Job { manifest, publisher, recorder, conductor }, state, fresh);
     let mut integrator = Integrator::new(&manifest.physics);
     let outcome = simulation.finish(&mut integrator, &mut growth)?;
-    Ok(RunOutcome { lost: growth.and_then(|growth| growth.lost()), ..outcome })
+    let stiffest_step = growth.as_ref().map(Growth::stiffest_step);
+    Ok(RunOutcome { lost: growth.and_then(|growth| growth.lost()), stiffest_step, ..outcome })
 }
 
 /// A run to be made, and all who take part in it.
@@ -320,6 +323,7 @@ impl<'a, P: FrameSink, R: FrameSink, C: Conductor<P, R>> Simulation<'a, P, R, C>
             last_step: self.state.step,
             relative_drift: drift(&self.manifest.physics, &self.state),
             lost: None,
+            stiffest_step: None,
         }
     }
 }

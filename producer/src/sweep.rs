@@ -335,7 +335,7 @@ impl Sweep {
         let (from_s, duration_s) =
             (self.measure_from_s(), manifest.physics.time_s(manifest.physics.step_count));
         if from_s >= duration_s {
-            let message = format!("found {from_s}; allowed: less than the duration, {duration_s} s");
+            let message = format!("found {from_s:?}; allowed: less than the duration, {duration_s:?} s");
             return Err(refuse("measure_from_s".to_owned(), message));
         }
         self.series_edges_s(&manifest).map_err(|message| refuse("series.from_s".to_owned(), message))?;

@@ -51,8 +51,8 @@ def write(rec: Recording, path: str | os.PathLike[str], steps: range | Numbers, 
 def _describe_run(file: Any, rec: Recording, places: range) -> None:
     """The groups ``h5md``, which names the layout, and ``parameters``: the manifest, and its values that are looked up most."""
     file.create_group("h5md").attrs["version"] = np.array([1, 1], np.int32)
-    # the user is unknown, and need not be known
-    file.create_group("h5md/author").attrs["name"] = "unknown"
+    # the layout asks for one
+    file.create_group("h5md/author").attrs["name"] = rec.manifest["provenance"].get("author", "unknown")
     file.create_group("h5md/creator").attrs.update(name="beadline", version=__version__)
     file.create_group("h5md/modules/units").attrs.update(version=np.array([1, 0], np.int32), system="SI")
 

@@ -197,6 +197,9 @@ def _live_run(*, consumers: list[dict[str, Any]], **about: Any) -> LiveRun:
     return LiveRun(**about, consumers=tuple(LiveConsumer(**one) for one in consumers))
 
 
+# those of :func:`analysis`, which this process knows
+own_names: set[str] = set()
+
 Row = float | Sequence[float] | npt.NDArray[Any]
 Rows = list[tuple[int, int, float, list[float]]]
 
@@ -270,16 +273,20 @@ class Consumer:
 
     def _row(self, of: Callable[[Any], Row], frame: Frame | State, width: int | None) -> list[float]:
         try:
-            row = np.asarray(of(frame), dtype=np.float64).reshape(-1)
+            given = of(frame)
         except StopIteration as error:
             found = f"{self.name} ended before the frames did, at frame {frame.frame}"
             advice = "a generator yields a row for each frame, to the last one"
             raise BeadlineError(f"{found}; {advice}", frame=frame.frame, step=frame.step) from error
+        row = np.asarray(given).reshape(-1)
+        if row.dtype.kind not in "biuf":
+            found = f"{self.name} gave {given!r} for frame {frame.frame}"
+            raise ValueError(f"{found}; expected numbers ({', '.join(self.columns)}) by return or yield, float('nan') where there is none")
         wanted = len(self.columns) if len(self.columns) > 1 else width
         if row.size == 0 or (wanted is not None and row.size != wanted):
             found = f"{self.name} gave {row.size} values for frame {frame.frame}"
             raise ValueError(f"{found}, not {wanted or 1} ({', '.join(self.columns)})")
-        values: list[float] = row.tolist()
+        values: list[float] = row.astype(np.float64).tolist()
         return values
 
     def _rows(self, frames: Iterable[Frame] | Iterable[State]) -> Rows:
@@ -355,6 +362,7 @@ class Analysis(Consumer):
         self.meanings = dict(columns)
         about = (make.__doc__ or self.name).strip().splitlines()[0]
         _native.add_analysis(self.name, about, list(self.meanings.items()), self._begin_native)
+        own_names.add(self.name)
 
     def __call__(self, *arguments: Any) -> Any:
         """Makes the object, or the generator, of one run."""

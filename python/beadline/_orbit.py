@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._chain import Chain
+from ._chain import Chain, number
 from ._command import Json, run_command
 from ._numbers import count, in_si
 from ._recording import Recording
 from ._recording import open as open_recording
-from ._run import Run, _toml, initial_of, parts_of, rooted
+from ._run import Run, _toml, initial_of, rooted, value_of
 from ._table import Table, read_csv
 from .errors import CommandError
 
@@ -85,13 +85,12 @@ class Orbit:
             force: Replace the results in the directory.
 
         Raises:
+            ConfigError: If the key is not there.
             CommandError: If the branch has no first orbit.
         """
         config = self._from_here([key])
-        value: Any = config
-        for part in parts_of(key):
-            value = value[part]
-        follow = {"key": key, "from": float(value), "to": float(until), "step": step, "most": most, "branches": branches}
+        begin = number(key, value_of(config, key))
+        follow = {"key": key, "from": begin, "to": float(until), "step": step, "most": most, "branches": branches}
         config["continue"] = {name: one for name, one in follow.items() if one is not None}
         return Orbit(out, *_found(config, out, force))
 
@@ -199,6 +198,8 @@ def orbit(
     if isinstance(run, Chain):
         config = tomllib.loads(Run(run, strikers={0: 1.0}, duration_s=1.0).to_toml())
         del config["striker"], config["time"]
+    elif not isinstance(run, Run):
+        raise TypeError(f"run: found {run!r}; expected a beadline.Run or a Chain; Run.from_recording(rec) is the run of a recording")
     else:
         config = rooted(run._folder, "", tomllib.loads(run.to_toml()))
     numbers = {"period_s": period_s, "energy_j": energy_j, "amplitude_m": amplitude_m}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ._chain import number_if_any
 from ._extras import need
 from ._fields import FIELDS
 from ._map import Map, Shades, diverging, map_of, shades_of
@@ -107,10 +108,10 @@ def plot(
         profile = "step" if step is not None else "time_s"
         raise ValueError(f"{beside[0]}: found beside {profile}, which draws along the chain; expected it of a map only")
     every = None if every is None else count("every", every)
-    time_s, during_s = in_si("time_s", time_s), in_si("during_s", during_s)
-    limit = in_si("limit", limit, array.unit)
-    if during_s is not None and np.shape(during_s) != (2,):
-        raise ValueError(f"during_s: found {during_s!r}; expected the first and the last time (s), such as (0.01, 0.02)")
+    time_s, during_s = in_si("time_s", time_s), _period("during_s", during_s)
+    limit = number_if_any("limit", limit, array.unit)
+    if limit is not None and not 0.0 < limit < math.inf:
+        raise ValueError(f"limit: found {limit}; expected a number above 0, the end on both sides")
     if scale not in (None, "log", "linear"):
         raise ValueError(f"scale: found {scale!r}; expected 'log' or 'linear'")
     every_place = range(array.shape[1])
@@ -126,6 +127,8 @@ def plot(
         states = [rec[one] for one in np.atleast_1d(step)]
     elif time_s is not None:
         states = [rec.at(time_s=float(one)) for one in np.atleast_1d(time_s)]
+    if states is not None and not states:
+        raise ValueError(f"{'time_s' if step is None else 'step'}: found none; expected one or more")
     axes: Any = ax
     if ax is None:
         size = (6.4, 5.0) if states is None else (6.4, 3.6)
@@ -158,6 +161,17 @@ def plot(
         axes.xaxis.set_minor_locator(ticker.NullLocator())
     found: Axes = axes
     return found
+
+
+def _period(key: str, times_s: Any) -> tuple[float, float] | None:
+    """The first and the last time (s), if any."""
+    if times_s is None:
+        return None
+    found = np.asarray(in_si(key, times_s))
+    if found.shape != (2,) or found.dtype.kind not in "iuf":
+        raise ValueError(f"{key}: found {times_s!r}; expected the first and the last time (s), such as (0.01, 0.02)")
+    first_s, last_s = found.tolist()
+    return first_s, last_s
 
 
 def _prefix(largest: float, unit: str) -> tuple[str, float]:
@@ -231,7 +245,7 @@ def plot_comparison(
     if field not in ("velocity", "displacement"):
         raise ValueError(f"field: found {field!r}; expected 'velocity' or 'displacement'")
     difference, unit = comparison.difference, FIELDS[field][0]
-    during_s = in_si("during_s", during_s) or (difference.first_step * difference.dt_s, difference.last_step * difference.dt_s)
+    during_s = _period("during_s", during_s) or (difference.first_step * difference.dt_s, difference.last_step * difference.dt_s)
     titles = (f"a: {comparison.a.name}", f"b: {comparison.b.name}", "a − b")
     maps = [
         map_of(one, getattr(one, field), range(one.beads), _MOST_ROWS, _MOST_COLUMNS, during_s=during_s, fewest=_FINE_ROWS)

@@ -533,8 +533,10 @@ class Recording(Analyses):
         # times that people write are those of steps
         begin, end = bisect_left(steps, first_s * (1 - 1e-12), key=time_s), bisect_right(steps, last_s * (1 + 1e-12), key=time_s)
         if begin >= end or np.isnan([first_s, last_s]).any():
-            advice = "; every=1 recomputes the steps between" if every is None else ""
-            raise ValueError(f"{key}: found {from_s!r}, {until_s!r}; the recording has no state there{advice}")
+            begin_s, end_s = time_s(self.first_step), time_s(self.last_step)
+            is_between = every is None and max(first_s, begin_s) <= min(last_s, end_s)
+            advice = "every=1 recomputes the steps between" if is_between else f"it has {begin_s:g} s to {end_s:g} s"
+            raise ValueError(f"{key}: found {from_s!r}, {until_s!r}; the recording has no state there; {advice}")
         return steps[begin:end]
 
     def _beads(self, bead: Any) -> Index:

@@ -8,7 +8,7 @@ import re
 import tomllib
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,6 +81,8 @@ class Run:
         name: str | None = None,
         publish_every: int = 1,
     ) -> None:
+        if not isinstance(chain, Chain):
+            raise TypeError(f"chain: found {chain!r}; expected a beadline.Chain; Run.from_config takes dictionaries")
         config = deepcopy(chain._config)
         struck = items_of("strikers", {} if strikers is None else strikers)
         each = [
@@ -89,12 +91,13 @@ class Run:
         config["striker"] = each[0] if len(each) == 1 else each
         config["drive"] = tables("drives", drives)
         config["bath"] = tables("baths", baths)
+        config["seed"] = seed
         config["initial"] = None if initial is None else _initial(initial, config)
         config["time"] = {"duration_s": number("duration_s", duration_s), "dt_s": number_if_any("dt_s", dt_s)}
         config["integrator"] = {"method": method}
         every = whole("publish_every", publish_every)
         config["stream"] = {"publish_every_steps": every, "record_every_steps": every}
-        self._set(_toml({"name": name, "seed": seed, **config}), None, "run")
+        self._set(_toml({"name": name, **config}), None, "run")
 
     def _set(self, toml: str, path: str | None, name: str, is_seen: bool = False, folder: str | None = None) -> None:
         # where files are looked for that it names
@@ -178,6 +181,9 @@ class Run:
         config: Config = tomllib.loads(self._toml)
         for key, value in values.items():
             place: Any = config
+            # another key may change it; a value that has no copy is refused below
+            with suppress(TypeError):
+                value = deepcopy(value)
             try:
                 *parts, last = parts_of(key)
                 for part in parts:
@@ -189,16 +195,24 @@ class Run:
                 raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
         return self._of(_toml(config), None, self.name, folder=self._folder)
 
-    def starting_from(self, state: State | tuple[Values, Values]) -> Run:
+    def starting_from(self, state: State | tuple[Values, Values], *, seed: int | None = None) -> Run:
         """The same chain, begun from a state: a state of any step, ``rec[1000]``, or one that you have changed,
         ``(displacements in m, velocities in m/s)``. Strikers and other initial states are left out.
 
-        Time begins at 0 again, so drives do, too; resonators begin as in a ``State``, beside a pair at rest in their beads.
+        Time begins at 0 again, so drives do, too; resonators begin as in a ``State``, beside a pair at rest in their beads. The noise of
+        baths begins again as well: pieces of a thermal run take a seed each. With the seed of before there is a ``RuntimeWarning``.
+
+        Args:
+            state: The state.
+            seed: Seed of the noise of its baths; by default that of before. Disorder keeps its own.
 
         Raises:
             ConfigError: If the state does not fit this chain.
         """
-        values: Config = {"striker": None, "initial": _initial(state, tomllib.loads(self._toml))}
+        config: Config = tomllib.loads(self._toml)
+        if seed is not None:
+            config["bath"] = [{**bath, "seed": whole("seed", seed)} for bath in tables("bath", config.get("bath", ()))]
+        values: Config = {"striker": None, "bath": config.get("bath"), "initial": _initial(state, config)}
         ends = self.manifest["physics"].get("ends", {})
         if "absorbing" in ends.values():
             # its default is in units that follow the beginning
@@ -361,7 +375,8 @@ class Run:
         has some 9 digits, which differences of two runs lose. Keys are those of :meth:`replace`.
 
         Raises:
-            ValueError: If a key is no number other than 0, or changes the time step, the drives or baths; or the method has no derivatives.
+            ValueError: If a key is no number other than 0, changes no step, or changes the time step, the drives or baths; or the method has
+                no derivatives.
             RunError: If the values are no longer finite.
         """
         beside = []
@@ -369,6 +384,9 @@ class Run:
             value = self._number(key)
             step = _PART * abs(value)
             below, above = (self.replace({"time.dt_s": self.dt_s, key: value + change}) for change in (-step, step))
+            if below._steps_alone() == above._steps_alone():
+                what = f"{key}: found a number that changes no step, and derivatives are those at the same steps"
+                raise ValueError(f"{what}; expected one of the chain, its loads or its beginning")
             beside.append((below._manifest, above._manifest, 2.0 * step))
         if not beside:
             raise ValueError("derivative: found no key; expected one or more, such as chain.stiffness")
@@ -377,15 +395,14 @@ class Run:
 
     def _number(self, key: str) -> float:
         """The number that a key of the configuration has."""
-        value: Any = tomllib.loads(self._toml)
-        try:
-            for part in parts_of(key):
-                value = value[part]
-        except (IndexError, KeyError, TypeError) as error:
-            raise ValueError(f"{key}: the configuration has no such key; give it a value with run.replace") from error
+        value = value_of(tomllib.loads(self._toml), key)
         if isinstance(value, bool) or not isinstance(value, int | float) or value == 0:
             raise ValueError(f"{key}: found {value!r}; expected a number other than 0")
         return float(value)
+
+    def _steps_alone(self) -> Config:
+        """All that decides the bits of a step."""
+        return {**self.manifest["physics"], "step_count": None}
 
     def _begun(self, every: int) -> _native.Manifest:
         return self._manifest.begun(every)
@@ -453,6 +470,7 @@ def _initial(initial: Initial, chain: Config) -> Config:
     if isinstance(initial, Mapping):
         return dict(initial)
     if isinstance(initial, State):
+        _warn_of_noise(initial, chain)
         lists = initial_of(initial)
         return {name: lists[name] for name in lists if chain.get("resonators") or not name.startswith("resonator")}
     pair = initial
@@ -463,6 +481,17 @@ def _initial(initial: Initial, chain: Config) -> Config:
     # a text has no place for the sign of 0, and needs none: it is lost where states are added up
     names = ("displacements_m", "velocities_m_s")
     return {name: numbers(f"initial.{name}", values).tolist() for name, values in zip(names, pair, strict=True)}
+
+
+def _warn_of_noise(state: State, config: Config) -> None:
+    """Tells of baths whose noise led to the state that the run begins with."""
+    if not config.get("bath") or not state.step:
+        return
+    physics = json.loads(state._manifest.json)["physics"]
+    had = [bath.get("seed", physics.get("seed", 0)) for bath in physics.get("baths", [])]
+    if any(bath.get("seed", config.get("seed") or 0) in had for bath in tables("bath", config["bath"])):
+        found = "the baths make the same noise again that led to this state, so the run does not go on with it as a thermal one"
+        warnings.warn(f"{found}; give another seed, such as starting_from(state, seed=1)", RuntimeWarning, 4)
 
 
 def simulate(
@@ -611,7 +640,25 @@ class Simulation:
 
 def parts_of(key: str) -> list[str | int]:
     """Names and numbers of a key: ``chain``, ``impurities``, 0 and ``mass_kg`` of ``chain.impurities[0].mass_kg``."""
+    if not re.fullmatch(r"(?:\.[^.\[\]]+(?:\[\d+\])*)+", f".{key}"):
+        what = "names with points between them, and numbers in brackets, such as chain.impurities[0].mass_kg"
+        raise ConfigError(f"found the key {key!r}; expected {what}", key=key)
     return [int(name) if name.isdecimal() else name for name in re.findall(r"[^.\[\]]+", key)]
+
+
+def value_of(config: Config, key: str) -> Any:
+    """The value that a key of a configuration has.
+
+    Raises:
+        ConfigError: If there is none.
+    """
+    value: Any = config
+    try:
+        for part in parts_of(key):
+            value = value[part]
+    except (IndexError, KeyError, TypeError) as error:
+        raise ConfigError(f"{key}: the configuration has no such key; give it a value with run.replace", key=key) from error
+    return value
 
 
 def _name(key: str, part: str | int) -> str:
@@ -651,7 +698,7 @@ def _toml(config: Mapping[str, Any]) -> str:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_value(value)}" for key, value in table.items() if not _is_nothing(value)]
+    return [f"{_key(key)} = {_value(value, key)}" for key, value in table.items() if not _is_nothing(value)]
 
 
 def _is_nothing(value: Any) -> bool:
@@ -659,20 +706,20 @@ def _is_nothing(value: Any) -> bool:
 
 
 def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
 
 
-def _value(value: Any) -> str:
+def _value(value: Any, key: str = "") -> str:
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, Mapping):
         return "{ " + ", ".join(_lines(value)) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
+        return "[" + ", ".join(_value(one, key) for one in value) + "]"
     if isinstance(value, float) and not np.isfinite(value):
         return repr(float(value))
-    try:
-        # numbers, texts and truth values are written as in JSON
-        return json.dumps(value)
-    except TypeError as error:
-        raise ConfigError(f"found {value!r}; expected a number, a text, a truth value, or lists and dictionaries of them") from error
+    if isinstance(value, str | bool | float) or isinstance(value, int) and -(2**63) <= value < 2**63:
+        # written as in JSON, but for a character that TOML has not
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    expected = "a number, a text, a truth value, or lists and dictionaries of them, and whole numbers below 2^63"
+    raise ConfigError(f"{key or 'configuration'}: found {value!r}; expected {expected}", key=key or None)

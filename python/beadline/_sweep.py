@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import os
 import re
@@ -14,6 +13,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -22,6 +22,7 @@ import numpy as np
 
 from . import _native
 from ._command import run_command
+from ._live import own_names
 from ._numbers import count, in_si
 from ._progress import Progress
 from ._run import Run, _value, rooted
@@ -75,12 +76,13 @@ def sweep(
         split: The bead that divides reflected from transmitted energy; by default the first impurity
             that is not the striker, else the middle bead.
         measure: Numbers of any analysis as further columns: ``["forces.peak_n@right", "modes.last_j@1"]``. ``beadline analyses``
-            lists them; those of :func:`analysis` are known to this process, and to processes that import where it is made.
+            lists them; those of :func:`analysis` are known to this process, and to processes that import where it is made, not with ``out``.
         jobs: Runs that are computed at the same time; by default one for each core.
         executor: Computes the runs instead of threads of this process: one of
             :mod:`concurrent.futures`, or of Dask, MPI or Parsl. Tasks that have begun end by themselves
             after Ctrl-C.
-        out: A directory for the results, as of ``beadline sweep``: rows that it has are not computed again.
+        out: A directory for the results, as of ``beadline sweep``: rows that it has are not computed again. Columns over time, which a
+            sweep file asks for with ``[series]``, are in its ``series.csv`` alone.
         record: Record each run there.
         force: Remove the files of another sweep there.
         progress: Show the number of finished runs; by default in terminals and notebooks.
@@ -99,6 +101,9 @@ def sweep(
     settings |= {"case": each, "grid": dict(grid or {})}
     if isinstance(run, Run):
         text, path = _text(run, settings), _MADE
+    elif not isinstance(run, str | os.PathLike):
+        wanted = "a beadline.Run, or the path of a sweep file; Run.from_recording(rec) is the run of a recording"
+        raise TypeError(f"run: found {run!r}; expected {wanted}")
     elif (until, check, split) == ("end", False, None) and not each and not grid and not measure:
         text, path = Path(run).read_text(encoding="utf-8"), os.path.abspath(run)
     else:
@@ -122,8 +127,10 @@ def sweep(
                 rows = native.rows(range(native.point_count), jobs=jobs, on_progress=bar.update)
             else:
                 rows = _rows_of(executor, text, path, native.point_count, bar.update)
+        # those of [series] are last, and in a table of their own
         cells = zip(native.columns, zip(*rows, strict=True), strict=True)
-        table = Table({name: column(values, kind) for (name, kind), values in cells})
+        kept = takewhile(lambda one: one[0][0] != "time_s[0]", cells)
+        table = Table({name: column(values, kind) for (name, kind), values in kept})
         table.summary = {"points": len(table)}
     table.summary["failed"] = np.flatnonzero(table["error"]).tolist()
     if table.summary["failed"]:
@@ -141,7 +148,7 @@ def _text(run: Run, settings: Mapping[str, Any]) -> str:
         base["stream"] = {"publish_every_steps": published}
 
     def entries(table: Mapping[str, Any]) -> list[str]:
-        return [f"{json.dumps(key)} = {_value(value)}" for key, value in table.items()]
+        return [f"{_value(key)} = {_value(value, key)}" for key, value in table.items()]
 
     names = ("until", "check", "split_bead", "measure")
     plain = {key: settings[key] for key in names if settings[key] is not None}
@@ -214,6 +221,11 @@ def _in_directory(
     force: bool,
 ) -> Table:
     """The command's results of a sweep in the directory ``out``."""
+    names = [name for name, _ in native.columns]
+    own = [name for name in names[names.index("error") :] if name.partition(".")[0] in own_names]
+    if own:
+        found = f"{own[0]}: found an analysis of this process beside out, which another process writes"
+        raise ValueError(f"{found}; expected analyses that `beadline analyses` lists; without out, table.to_csv(path) keeps the rows")
     flags = [f"--out={os.fspath(out)}", "--yes"]
     flags += [flag for flag, is_set in (("--record", record), ("--force", force)) if is_set]
     flags += [] if jobs is None else [f"--jobs={jobs}"]

@@ -30,11 +30,12 @@ class Widget(anywidget.AnyWidget):
 
     _esm = Path(__file__).with_name("widget.js")
     _page = traitlets.Unicode().tag(sync=True)
-    step = traitlets.Any().tag(sync=True)
+    # unlike Any it refuses None
+    step: traitlets.TraitType[Any, Any] = traitlets.TraitType().tag(sync=True)
     bead = traitlets.Any(None).tag(sync=True)
     field = traitlets.Enum(_FIELDS, "velocity").tag(sync=True)
     window_s = traitlets.Any(None).tag(sync=True)
-    height_px = traitlets.Int(640).tag(sync=True)
+    height_px = traitlets.Int(640, min=1).tag(sync=True)
 
     def __init__(self, rec: Recording, page: str, height_px: int) -> None:
         self._rec = rec

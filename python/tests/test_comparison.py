@@ -126,6 +126,8 @@ def test_a_widget_has_the_page_and_refuses_wrong_values() -> None:
     for name, value, words in [
         ("step", 1001, "step: found 1001; expected 0 to 1000"),
         ("step", -1, "step: found -1; expected 0 or more"),
+        ("step", None, "step: found None; expected a whole number"),
+        ("height_px", -5, "height_px"),
         ("bead", 1.5, "bead: found 1.5; expected a whole number"),
         ("field", "speed", "'velocity', 'displacement'"),
         ("window_s", (4e-4, 2e-4), r"window_s: found \(0.0004, 0.0002\); expected two times from 0 s to 0.001 s"),

@@ -118,10 +118,21 @@ def test_stiffnesses_have_the_unit_of_their_exponents(tmp_path: Path) -> None:
         assert data.attrs.get("alpha") == alpha and ("stiffness" in data.coords) == (unit is not None)
 
 
+def test_the_author_is_that_of_the_run(tmp_path: Path) -> None:
+    import h5py
+
+    # beyond U+FFFF, which JSON escapes as TOML cannot
+    RUN.replace({"provenance.author": "𠮷田 花子"}).simulate().to_hdf5(tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "r") as file:
+        assert file["h5md/author"].attrs["name"] == "𠮷田 花子"
+
+
 def test_what_cannot_be_stored_is_refused_and_leaves_nothing(rec: bl.Recording, tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with pytest.raises(ValueError, match="no state there; every=1 recomputes"):
         rec.to_hdf5(path, from_s=1.003e-4, until_s=1.015e-4)
+    with pytest.raises(ValueError, match="no state there; it has 0 s to"):
+        rec.to_hdf5(path, from_s=1.0)
     for beads in (slice(3, 3), slice(0, 8, 2)):
         with pytest.raises(ValueError, match="^beads: found slice.*the 12 beads"):
             rec.to_hdf5(path, beads=beads)

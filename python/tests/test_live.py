@@ -397,6 +397,11 @@ def test_a_row_of_another_width_names_both(processes: Processes, root: Path) -> 
     wrong = bl.consumer(columns=["a_m", "b_m"])(lambda frame: [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match=r"gave 3 values for frame 0, not 2 \(a_m, b_m\)"):
         wrong.follow(root / "light.mcap")
+    for given in (None, "1.5", 1j, {"a_m": 1.0}):
+        with pytest.raises(ValueError, match=r"^odd gave .* for frame 0; expected numbers \(a_m\) by return or yield"):
+            bl.consumer(columns=["a_m"], name="odd")(lambda frame, given=given: given).follow(root / "light.mcap")
+    missing = bl.consumer(columns=["a_m"])(lambda frame: float("nan"))
+    assert np.isnan(missing.follow(root / "light.mcap")["a_m"]).all()
     wide = bl.consumer(columns=["v_m_s"], name="wide")(lambda frame: frame.velocity_m_s[:3])
     assert list(wide.follow(root / "light.mcap"))[3:] == ["v_m_s_0", "v_m_s_1", "v_m_s_2"]
 

@@ -83,6 +83,12 @@ def test_a_map_has_the_steps_at_both_ends_of_a_time(rec: bl.Recording) -> None:
 def test_a_time_without_a_state_is_refused(rec: bl.Recording) -> None:
     with pytest.raises(ValueError, match=r"during_s: found \(nan, 0.001\); expected a time"):
         rec.plot("velocity", during_s=(float("nan"), 1e-3))
+    with pytest.raises(ValueError, match=r"during_s: found \(None, 1\); expected the first and the last time"):
+        rec.plot("velocity", during_s=(None, 1))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="step: found none; expected one or more"):
+        rec.plot("velocity", step=[])
+    with pytest.raises(ValueError, match="limit: found -1.0; expected a number above 0"):
+        rec.plot("velocity", step=5, limit=-1)
     with pytest.raises(ValueError, match=r"during_s: found \(1, 2\); expected a time"):
         rec.plot("velocity", during_s=(1, 2))
 

@@ -24,6 +24,8 @@ def test_an_orbit_of_a_chain_and_where_it_becomes_unstable(tmp_path: Path) -> No
     assert np.abs(rec[-1].displacement_m - rec[0].displacement_m).max() < 1e-12
     with pytest.raises(ValueError, match="one orbit"):
         _ = found.branch
+    with pytest.raises(bl.ConfigError, match="chain.bonds.quadratic: the configuration has no such key"):
+        found.continue_("chain.bonds.quadratic", 0.3, tmp_path / "branch")
     branch = found.continue_("orbit.energy_j", 0.3, tmp_path / "branch")
     (change,) = branch.changes
     assert change["name"] == "real instability"
@@ -75,6 +77,8 @@ def test_an_orbit_begins_at_a_state_of_a_file_beside_its_run(tmp_path: Path, mon
 
 
 def test_an_orbit_that_is_not_there_says_why(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="run: found 3; expected a beadline.Run or a Chain"):
+        bl.orbit(3, tmp_path / "no")  # type: ignore[arg-type]
     with pytest.raises(bl.CommandError, match="orbit.mode: found nothing"):
         bl.orbit(ring(8), tmp_path / "no", energy_j=1.0)
     with pytest.raises(bl.CommandError, match="a mode from 1 to 8"):

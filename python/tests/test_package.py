@@ -43,6 +43,14 @@ def test_the_command_of_the_package_records_and_verifies(tmp_path: Path) -> None
     assert json.loads(verified.stdout)
 
 
+def test_a_job_array_starts_the_command_of_the_package(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('[base]\npreset = "striker-3g"\n[grid]\nchain.alpha = [1.5, 2.0]\n')
+    command = [sys.executable, "-m", "beadline", "sweep", "s.toml", "--out", "all", "--slurm"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    script = (tmp_path / "all" / "slurm" / "array.sh").read_text()
+    assert f"'{sys.executable}' '-m' 'beadline' sweep" in script
+
+
 def test_numpy_is_loaded_when_it_is_needed() -> None:
     assert python("import beadline, sys; print('numpy' in sys.modules, 'beadline' in dir(beadline))").startswith("False")
     assert python("import beadline, sys; beadline.open; print('numpy' in sys.modules)") == "True"

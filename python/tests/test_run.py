@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,36 @@ def test_every_rule_of_a_configuration_can_be_said() -> None:
         6, mass_kg=1e-3, alpha=1.5, stiffness=1e7, masses={"taper": 0.5}, stiffnesses="radii"
     )
     assert bl.Run(rules, strikers={0: 1.0}, duration_s=1e-4).simulate().mass_kg[1] == 0.5e-3
+
+
+def test_a_thermal_run_that_goes_on_is_told_of_the_same_noise() -> None:
+    chain = bl.Chain(6, mass_kg=1.0, bonds={"linear": 1.0}, left="fixed", right="fixed", disorder=[{"of": "masses", "uniform": 0.1}])
+    bath = {"beads": "..", "temperature_j": 1.0, "friction_per_s": 0.5}
+    run = bl.Run(chain, baths=[bath], initial={"thermal": {"energy_j": 0.5}}, seed=5, duration_s=60.0, dt_s=0.02)
+    state = run.simulate()[-1]
+    with pytest.warns(RuntimeWarning, match="same noise again"):
+        same = run.starting_from(state).simulate()
+    assert np.allclose(same[-1].velocity_m_s, state.velocity_m_s, atol=1e-3), "the noise has made it forget its beginning"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        other = run.starting_from(state, seed=6)
+    assert np.abs(other.simulate()[-1].velocity_m_s - state.velocity_m_s).max() > 0.1
+    assert (other.simulate().mass_kg == same.mass_kg).all()
+
+
+def test_a_key_is_names_and_numbers_and_a_value_stays_the_callers() -> None:
+    run = short()
+    for key in ("chain..alpha", "[chain]alpha", "chain.alpha.", ""):
+        with pytest.raises(bl.ConfigError, match="found the key '.*'; expected names with points"):
+            run.replace({key: 2.0})
+    own = [{"bead": 3, "mass_kg": 1e-3}]
+    run.replace({"chain.impurities": own, "chain.impurities[0].mass_kg": 9e-3})
+    assert own == [{"bead": 3, "mass_kg": 1e-3}]
+    for values in ({"seed": 2**64}, {"chain.masses": {"list_kg": [1.0, None]}}):
+        with pytest.raises(bl.ConfigError, match=r"^(seed|list_kg): found .*; expected a number"):
+            run.replace(values)
+    with pytest.raises(TypeError, match="chain: found 3; expected a beadline.Chain"):
+        bl.Run(3, duration_s=1.0)  # type: ignore[arg-type]
 
 
 def test_what_cannot_be_is_refused_with_its_key_and_no_line_that_nobody_wrote() -> None:
@@ -323,6 +354,8 @@ def test_derivatives_are_those_of_a_scaling_law() -> None:
     assert rows.shape == (2, 2 * u.size)
     with pytest.raises(ValueError, match="no such key"):
         run.derivative("chain.colour")
+    with pytest.raises(ValueError, match="time.duration_s: found a number that changes no step"):
+        run.derivative("time.duration_s")
     with pytest.raises(ValueError, match="expected a number other than 0"):
         run.derivative("integrator.method")
     with pytest.raises(ValueError, match="found no key"):

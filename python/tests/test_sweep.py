@@ -89,6 +89,16 @@ def test_a_sweep_file_has_the_rows_of_the_command(tmp_path: Path) -> None:
     assert is_same(bl.sweep(file, out=tmp_path / "out"), here)
     with pytest.raises(ValueError, match="beside it"):
         bl.sweep(file, {"chain.alpha": [2.0]})
+    with pytest.raises(TypeError, match="run: found <Chain .*; expected a beadline.Run, or the path of a sweep file"):
+        bl.sweep(CHAIN, {"chain.alpha": [2.0]})  # type: ignore[arg-type]
+
+
+def test_columns_over_time_are_in_a_file_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text(RUN.to_toml())
+    file = tmp_path / "s.toml"
+    file.write_text('[base]\nfile = "base.toml"\n[grid]\nchain.alpha = [1.5, 2.0]\n[series]\nmeasure = ["energies.kinetic_j"]\ncount = 3\n')
+    assert is_same(bl.sweep(file, out=tmp_path / "out"), bl.sweep(file))
+    assert (tmp_path / "out" / "series.csv").exists()
 
 
 def test_what_a_sweep_file_can_say_can_be_said_here() -> None:
@@ -238,6 +248,8 @@ def test_an_analysis_of_ones_own_is_measured_in_a_sweep() -> None:
 
     run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
     table = bl.sweep(run, {"chain.alpha": [1.5, 2.0]}, measure=["way-of-0.way_m", "energies.driven_j"], jobs=2)
+    with pytest.raises(ValueError, match="^way-of-0.way_m: found an analysis of this process beside out"):
+        bl.sweep(run, {"chain.alpha": [1.5]}, measure=["way-of-0.way_m"], out="out")
     assert table["energies.driven_j"].tolist() == [0.0, 0.0]
     every = int(table["steps"][0]) // 10
     assert (table["way-of-0.way_m"] > 0).all() and every > 0

@@ -153,7 +153,7 @@ impl ChainConfig {
     fn scales(&self) -> [f64; 3] {
         match (&self.spheres, &self.bonds) {
             (Some(spheres), _) => spheres.scales().unwrap_or([f64::NAN; 3]),
-            (None, Some(bonds)) => [f64::NAN, 1.0, bonds.scale()],
+            (None, Some(bonds)) => bonds.scales(),
             (None, None) => [f64::NAN; 3],
         }
     }

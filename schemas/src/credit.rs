@@ -90,10 +90,23 @@ fn is_orcid(text: &str) -> bool {
     found.is_some() && found == due
 }
 
-/// True of words of SPDX identifiers, with parentheses around some of them.
+/// True of SPDX identifiers with an operator between each two of them, and parentheses in pairs.
 fn is_licence(text: &str) -> bool {
-    let is_of_word = |c: char| c.is_ascii_alphanumeric() || ".+:()- ".contains(c);
-    text.chars().all(is_of_word) && text.chars().any(|c| c.is_ascii_alphanumeric())
+    let is_of_word = |c: char| c.is_ascii_alphanumeric() || ".+:-".contains(c);
+    let is_identifier = |word: &str| word.starts_with(char::is_alphanumeric) && word.chars().all(is_of_word);
+    let apart = text.replace('(', " ( ").replace(')', " ) ");
+    let (mut open, mut is_due) = (0_u32, true);
+    for word in apart.split(' ').filter(|word| !word.is_empty()) {
+        let is_operator = ["AND", "OR", "WITH"].iter().any(|operator| word.eq_ignore_ascii_case(operator));
+        match word {
+            "(" if is_due => open += 1,
+            ")" if !is_due && open > 0 => open -= 1,
+            _ if is_operator && !is_due => is_due = true,
+            _ if !is_operator && is_due && is_identifier(word) => is_due = false,
+            _ => return false,
+        }
+    }
+    open == 0 && !is_due
 }
 
 /// True of `10.`, digits in groups, a slash, and any visible characters.
@@ -158,6 +171,11 @@ mod tests {
             ("orcid", "0000-0002-1694-233x"),
             ("licence", "free for all!"),
             ("licence", " "),
+            ("licence", "CC BY"),
+            ("licence", "MIT OR"),
+            ("licence", "AND"),
+            ("licence", "(MIT"),
+            ("licence", "MIT) OR (ISC"),
             ("doi", "https://doi.org/10.5281/zenodo.1"),
             ("doi", "10.5281"),
             ("doi", "10.52/x"),
@@ -170,6 +188,7 @@ mod tests {
         for (key, text) in [
             ("author", "Ada Lovelace, 李雷"),
             ("licence", "(MIT OR Apache-2.0) AND LicenseRef-own"),
+            ("licence", "GPL-2.0+ WITH Bison-exception-2.2"),
             ("doi", "10.1016/0032-5910(92)88030-L"),
             ("doi", "10.1000.10/123456"),
         ] {

@@ -40,9 +40,9 @@ pub trait Law: Debug {
         None
     }
 
-    /// The largest slope (N/m) of a bond of the slope `at_rest` (N/m) whose energy is `energy_j`, where that grows less than the slope
-    /// at an overlap to be expected.
-    fn tangent_by_energy(&self, _at_rest: f64, _energy_j: f64) -> Option<f64> {
+    /// The largest slope (N/m) of a bond with the overlap `rest_m` (m) at rest whose energy is `energy_j`, where that grows less than the
+    /// slope at an overlap to be expected.
+    fn tangent_by_energy(&self, _stiffness: f64, _rest_m: f64, _energy_j: f64) -> Option<f64> {
         None
     }
 }

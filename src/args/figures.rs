@@ -1,7 +1,9 @@
 //! Figures: how they look, and one at a time.
 
 use super::frames::FramesArgs;
-use super::values::{ColourRange, parse_dpi, parse_range, parse_stretch, parse_time, parse_whole};
+use super::values::{
+    ColourRange, parse_dpi, parse_range, parse_slope, parse_stretch, parse_time, parse_whole,
+};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use consumers::fields::Field;
@@ -141,7 +143,7 @@ pub(crate) struct PlotArgs {
         help_heading = TABLES
     )]
     pub(crate) band: Option<BandArg>,
-    /// A power law through the points of each curve, with its exponent and the error of that; --fit=1e-3..0.1 takes only points with x there
+    /// A power law through the points of each curve, with its exponent and the error of that if each point is of other runs; --fit=1e-3..0.1 takes only points with x there
     #[arg(
         long,
         value_name = "A..B",
@@ -154,7 +156,7 @@ pub(crate) struct PlotArgs {
     )]
     pub(crate) fit: Option<(f64, f64)>,
     /// A power law of this exponent beside a curve; repeatable, in the order of the curves, the last for all further ones
-    #[arg(long, value_name = "EXPONENT", help_heading = TABLES, conflicts_with = "heat")]
+    #[arg(long, value_name = "EXPONENT", value_parser = parse_slope, help_heading = TABLES, conflicts_with = "heat")]
     pub(crate) slope: Vec<f64>,
     /// Logarithmic axes: x, y, x,y or none [default: those of swept columns whose values follow each other by the logarithm]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "x,y|none", value_delimiter = ',', help_heading = TABLES)]

@@ -155,6 +155,11 @@ pub(super) fn parse_range(text: &str) -> Result<ColourRange, String> {
     })
 }
 
+pub(super) fn parse_slope(text: &str) -> Result<f64, String> {
+    let slope = text.parse().ok().filter(|slope: &f64| slope.is_finite());
+    slope.ok_or_else(|| "expected an exponent, such as 1.5 or -2".to_owned())
+}
+
 /// `1..5`, `1..` or `..5`: numbers from 0.
 pub(super) fn parse_stretch(text: &str) -> Result<(f64, f64), String> {
     let number = |text: &str, none: f64| if text.is_empty() { Some(none) } else { text.parse().ok() };

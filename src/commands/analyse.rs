@@ -154,7 +154,8 @@ fn without_frames(
     notices.iter().for_each(display::notice);
     let (name, mut rows) = (&manifest.provenance.name, Rows::from(words));
     rows.each("figure", asked.common.figure.iter().map(|path| path.display()));
-    let all = json!({ "run": name, "figures": asked.common.figure, "results": results });
+    let figures = display::texts_of(&asked.common.figure);
+    let all = json!({ "run": name, "figures": figures, "results": results });
     report(asked.common.frames.json, &all, || rows.under(format_args!("{title} of {name}")))?;
     Ok(Done::Whole)
 }
@@ -209,7 +210,7 @@ fn with_enough_steps(asked: &AskedAnalysis) -> Result<AnalysisArgs, Failure> {
     if !is_coarse(interval) {
         return Ok(common);
     }
-    let few = format!("the recording has every {interval}th step, too few to follow {}", offer.name);
+    let few = format!("the recording has one step in {interval}, too few to follow {}", offer.name);
     if asked.as_recorded {
         notice!("{few}; nothing is recomputed, as asked by --as-recorded");
     } else if let Err(error) = check_kernel(manifest) {

@@ -132,7 +132,8 @@ pub(crate) fn catalog(args: &CatalogArgs) -> Result<Done, Failure> {
         rows.add("with errors", count(error_count));
         rows.under(path.display())
     };
-    report(args.json, &json!({ "path": path, "recordings": done, "errors": error_count }), text)?;
+    let found = json!({ "path": path.to_string_lossy(), "recordings": done, "errors": error_count });
+    report(args.json, &found, text)?;
     Ok(Done::whole_if(error_count == 0))
 }
 

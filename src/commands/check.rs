@@ -57,7 +57,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     let differs = !stopped && subject.recorded_hash.is_some_and(|recorded| recorded != last_state_hash);
     let mut found = json(physics, &outcome);
     found["run"] = name.as_str().into();
-    found["figures"] = serde_json::to_value(&args.figure)?;
+    found["figures"] = display::texts_of(&args.figure).into();
     report(args.json, &found, || {
         let title = format!("{name} is determined {}\n", verdict(physics, &outcome));
         title + &table(physics, &outcome) + &explanation(physics, &outcome)

@@ -190,7 +190,7 @@ fn tell(args: &ExportArgs, format: Format, excerpt: &Excerpt, exported: &Exporte
         "run": manifest.provenance.name,
         "run_id": manifest.provenance.run_id,
         "format": format.name(),
-        "paths": paths,
+        "paths": display::texts_of(paths),
         "bytes": total,
         "states": states,
         "first_step": first,

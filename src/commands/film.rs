@@ -173,7 +173,7 @@ fn tell(args: &FilmArgs, session: &Session<'_>, tally: &Tally, shots: &[Shot]) -
     rows.add("film", format_args!("{}, {}, {}", args.out.display(), display::seconds(length_s), bytes(size)));
     let results = json!({
         "what": args.field.as_str(),
-        "film": args.out,
+        "film": args.out.to_string_lossy(),
         "bytes": size,
         "pictures": pictures,
         "seconds": length_s,

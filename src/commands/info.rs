@@ -159,7 +159,7 @@ fn some_of(phrases: impl Iterator<Item = String>) -> String {
 
 fn to_json(info: &RecordingInfo, is_being_written: bool) -> serde_json::Value {
     json!({
-        "path": info.path,
+        "path": info.path.to_string_lossy(),
         "schema_version": info.manifest.schema_version,
         "physics": info.manifest.physics,
         "provenance": info.manifest.provenance,

@@ -67,6 +67,8 @@ fn check_table_flags(args: &PlotArgs) -> Result<&str, Failure> {
         ("--by", args.by.is_some()),
         ("--heat", args.heat.is_some()),
         ("--band", args.band.is_some()),
+        ("--fit", args.fit.is_some()),
+        ("--slope", !args.slope.is_empty()),
         ("--log", !args.log.is_empty()),
     ];
     if let Some((flag, _)) = flags.iter().find(|(_, is_given)| *is_given) {

@@ -297,7 +297,7 @@ impl Summary<'_> {
 
     fn json(&self) -> Value {
         let provenance = &self.manifest.provenance;
-        let part = |part: &Finished| json!({ "path": part.path, "bytes": part.bytes, "states": part.frames });
+        let part = |part: &Finished| json!({ "path": part.path.to_string_lossy(), "bytes": part.bytes, "states": part.frames });
         let rows = |tally: &RowTally| {
             let rows = json!({
                 "rows": tally.count,

@@ -220,7 +220,7 @@ fn to_json(outcome: &Outcome) -> serde_json::Value {
     let others = recovery.others.iter();
     let others = others.map(|(topic, counts)| (topic, json!({ "kept": counts.kept, "lost": counts.lost })));
     json!({
-        "path": finished.path,
+        "path": finished.path.to_string_lossy(),
         "bytes": finished.bytes,
         "run": manifest.provenance.name,
         "run_id": manifest.provenance.run_id,

@@ -38,6 +38,9 @@ const LARGE_DRIFT: f64 = 1e-4;
 /// The same with damping, for which the default step promises 1e-3.
 const LARGE_DAMPED_DRIFT: f64 = 2e-3;
 
+/// The angle (rad) by which a bead may swing between its neighbours in a default step before the user is told; usual ones are some hundredths.
+const COARSE: f64 = 0.5;
+
 /// Roundings that a run may add up; most of them cancel.
 const MANY_ROUNDINGS: f64 = 30.0;
 
@@ -140,6 +143,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     if !args.check {
+        tell_stiff(&manifest.physics, outcome.stiffest_step);
         tell_lost(&manifest.physics, outcome.lost);
     }
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
@@ -158,6 +162,12 @@ impl Start {
     fn of(args: &RunArgs, spool: Option<&Spool>, force: bool) -> Result<Option<(Configured, Self)>, Failure> {
         let out = spool.map(|spool| &spool.file).or(args.out.as_ref());
         if let Some(path) = &args.resume {
+            if storage::is_url(path) {
+                return Err(bad_input!(
+                    "--resume {}: a run goes on in a file, and this is a URL; download the recording, and resume that",
+                    path.display()
+                ));
+            }
             let found = Resumption::find(path, out.map(PathBuf::as_path), force)?;
             let found = found.unless_complete()?;
             return Ok(
@@ -267,6 +277,16 @@ fn tell_drift(physics: &Physics, drift: f64) {
             physics.dt_s
         );
     }
+}
+
+/// Tells if contacts have become so stiff that the default step follows them no longer.
+fn tell_stiff(physics: &Physics, step: Option<f64>) {
+    let Some(step) = step.filter(|step| *step > COARSE && has_default_step(physics)) else { return };
+    let shorter_s = physics.dt_s * COARSE / (4.0 * step);
+    notice!(
+        "contacts became stiffer than the default step allows for: beads swing through {step:.1} rad in dt = {:e} s; pass --dt {shorter_s:.0e}",
+        physics.dt_s
+    );
 }
 
 /// Tells if roundings have grown until they count.
@@ -469,7 +489,7 @@ impl Summary<'_> {
         let (provenance, outcome) = (&self.manifest.provenance, &self.outcome);
         let recording = self.recording.as_ref().map(|recording| {
             json!({
-                "path": recording.path,
+                "path": recording.path.to_string_lossy(),
                 "bytes": recording.bytes,
                 "uncompressed_bytes": recording.uncompressed_bytes,
                 "held_back_s": recording.held_back.as_secs_f64(),

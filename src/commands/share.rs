@@ -20,6 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use storage::is_url;
 
 /// A page that may be sent to anybody (bytes).
 const SMALL_BYTES: usize = 2_000_000;
@@ -39,7 +40,7 @@ const MAX_ATTEMPTS: u32 = 5;
 /// Result of the command.
 #[derive(Debug, Serialize)]
 pub(crate) struct Shared {
-    pub(crate) path: PathBuf,
+    path: String,
     pub(crate) bytes: usize,
     /// Steps between two states; none of an empty page.
     every_steps: Option<u64>,
@@ -63,7 +64,7 @@ pub(crate) struct Sharing {
 }
 
 pub(crate) fn share(args: &ShareArgs) -> Result<Done, Failure> {
-    let default = || args.file.as_ref().map_or("beadline.html".into(), |file| file.with_extension("html"));
+    let default = || args.file.as_deref().map_or("beadline.html".into(), default_out);
     let out = args.out.clone().unwrap_or_else(default);
     let shared = match &args.file {
         Some(file) => {
@@ -76,14 +77,19 @@ pub(crate) fn share(args: &ShareArgs) -> Result<Done, Failure> {
     Ok(Done::Whole)
 }
 
+/// `run.html` beside `run.mcap`, or in the current directory if that is behind a URL.
+fn default_out(file: &Path) -> PathBuf {
+    let page = file.with_extension("html");
+    if is_url(file) { page.file_name().unwrap_or_default().into() } else { page }
+}
+
 /// The page that waits for a recording.
 fn share_nothing(out: &Path, force: bool) -> Result<Shared, Failure> {
     check_place(out, None, force)?;
     let page = page(Carried::Empty);
     whole_file::write(out, page.as_bytes(), force)?;
-    let path = out.to_owned();
     Ok(Shared {
-        path,
+        path: out.display().to_string(),
         bytes: page.len(),
         every_steps: None,
         states: 0,
@@ -144,7 +150,7 @@ pub(crate) fn share_recording(
         );
     }
     Ok(Shared {
-        path: out.to_owned(),
+        path: out.display().to_string(),
         bytes: page.len(),
         every_steps: Some(every),
         states,
@@ -294,5 +300,5 @@ fn words(shared: &Shared) -> String {
     } else {
         rows.add("to look at", "what is dropped onto it");
     }
-    rows.under(format_args!("{}", shared.path.display()))
+    rows.under(&shared.path)
 }

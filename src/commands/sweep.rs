@@ -12,6 +12,7 @@ use crate::sweep::{self, Options, Outcome};
 use anyhow::anyhow;
 use producer::sweep::Sweep;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::num::NonZero;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -67,8 +68,8 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         sweep::compute(&sweep, out, &options, &stop)?
     };
     let summary = Summary {
-        sweep: sweep.path(),
-        out,
+        sweep: sweep.path().to_string_lossy(),
+        out: out.to_string_lossy(),
         points: sweep.point_count(),
         outcome,
         stopped: stop.load(Ordering::Relaxed),
@@ -96,8 +97,8 @@ fn plan(file: &Path, args: &SweepArgs) -> Result<Done, Failure> {
 #[derive(Serialize)]
 struct Summary<'a> {
     /// The sweep file.
-    sweep: &'a Path,
-    out: &'a Path,
+    sweep: Cow<'a, str>,
+    out: Cow<'a, str>,
     points: u64,
     #[serde(flatten)]
     outcome: Outcome,
@@ -114,8 +115,8 @@ impl Summary<'_> {
             ("wall time", duration(Duration::from_secs_f64(self.wall_s))),
         ];
         let files = self.outcome.files.iter().flatten();
-        rows.extend(files.map(|file| ("results", file.display().to_string())));
-        display::rows(&format!("sweep {} in {}", self.sweep.display(), self.out.display()), &rows)
+        rows.extend(files.map(|file| ("results", file.clone())));
+        display::rows(&format!("sweep {} in {}", self.sweep, self.out), &rows)
     }
 
     fn warn(&self, args: &SweepArgs) {

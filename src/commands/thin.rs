@@ -242,7 +242,7 @@ impl Rewrite<'_> {
 
     fn report(&self, done: &str, info: &RecordingInfo, finished: &Finished) -> Result<(), anyhow::Error> {
         let rewritten = json!({
-            "path": finished.path,
+            "path": finished.path.to_string_lossy(),
             "states_before": info.frames(),
             "states": finished.frames,
             "bytes_before": info.file_bytes,

@@ -331,7 +331,7 @@ fn to_json(file: &Verified) -> Value {
     let found = &file.found;
     let range = found.step_range();
     json!({
-        "file": file.path,
+        "file": file.path.to_string_lossy(),
         "file_bytes": file.file_bytes,
         "run": found.manifest.provenance.name,
         "run_id": found.manifest.provenance.run_id,

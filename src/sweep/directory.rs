@@ -42,12 +42,19 @@ pub(super) struct Directory {
 
 /// Contents of `sweep.json`.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Sign {
+pub(super) struct Sign {
     /// SHA-256 of the values that decide the rows.
     identity: String,
     program: String,
-    points: u64,
-    columns: Vec<String>,
+    pub(super) points: u64,
+    pub(super) columns: Vec<String>,
+}
+
+impl Sign {
+    /// Identity of the journals of the sweep.
+    pub(super) fn identity(&self) -> String {
+        format!("{} {}", self.identity, self.program)
+    }
 }
 
 impl Directory {
@@ -86,7 +93,7 @@ impl Directory {
             points: sweep.point_count(),
             columns: columns.iter().map(|column| column.name.clone()).collect(),
         };
-        let head = JournalHead { identity: format!("{} {}", sign.identity, sign.program), columns };
+        let head = JournalHead { identity: sign.identity(), columns };
         Self { path: path.to_owned(), sign, head }
     }
 
@@ -181,14 +188,18 @@ impl Directory {
 
     /// Opens the journal of `shard`, which one process at a time may do, and tells `each` the points that have a row there.
     pub(super) fn journal(&self, shard: Shard, each: impl FnMut(u64)) -> Result<Journal, Failure> {
-        let name = format!("{}-of-{}.rows", shard.number, shard.count);
-        Journal::open(&self.rows().join(name), &self.head, each).map_err(|error| match error {
+        Journal::open(&self.journal_path(shard), &self.head, each).map_err(|error| match error {
             JournalError::Busy { .. } => Failure::Failed(anyhow!(
                 "{} is being swept by another process; give each a part of it with --shard I/N",
                 self.path.display()
             )),
             error => Failure::Failed(error.into()),
         })
+    }
+
+    /// Path of the journal of `shard`.
+    pub(super) fn journal_path(&self, shard: Shard) -> PathBuf {
+        self.rows().join(format!("{}-of-{}.rows", shard.number, shard.count))
     }
 
     /// Every journal there is, in the order of their names.

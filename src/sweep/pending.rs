@@ -60,7 +60,7 @@ pub(super) struct Pending<'a> {
 impl Pending<'_> {
     /// Their indices, in ascending order.
     pub(super) fn indices(&self) -> impl Iterator<Item = u64> {
-        let has_recording = |index| !self.record || self.directory.recording(index).exists();
+        let has_recording = |index| !self.record || self.directory.recording(index).is_file();
         let step = usize::try_from(self.shard.count).unwrap_or(usize::MAX);
         let shard = (self.shard.number..self.rows.all).step_by(step);
         shard.filter(move |index| !(self.rows.has(*index) && has_recording(*index)))

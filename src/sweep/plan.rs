@@ -17,13 +17,16 @@ use std::fs;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 /// Longest time for computing points, and their largest number.
 const BUDGET: Duration = Duration::from_secs(2);
 const MOST_TRIED: u64 = 256;
+
+/// Time between two looks at a stop that is asked for.
+const LOOK_PERIOD: Duration = Duration::from_millis(20);
 
 /// Time for merging rows.
 const MERGE_BUDGET: Duration = Duration::from_millis(300);
@@ -98,7 +101,7 @@ impl Plan {
     /// Plans `sweep`, which took `start` to read, on `cores` or some usual numbers of them.
     ///
     /// # Errors
-    /// When no point can be computed, or there is no place for temporary files.
+    /// When no point can be computed, when `stop` is set, or there is no place for temporary files.
     pub(crate) fn of(
         sweep: &Sweep,
         start: Duration,
@@ -242,7 +245,9 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
     thread::scope(|scope| {
         let over = &over;
         let wait = move || {
-            let _ = waits.recv_timeout(BUDGET); // either way
+            let start = Instant::now();
+            let goes_on = || start.elapsed() < BUDGET && !stop.load(Ordering::Relaxed);
+            while goes_on() && waits.recv_timeout(LOOK_PERIOD) == Err(RecvTimeoutError::Timeout) {}
             over.store(true, Ordering::Relaxed);
         };
         let watch = thread::Builder::new().spawn_scoped(scope, wait);
@@ -254,9 +259,12 @@ fn tried(sweep: &Sweep, stop: &AtomicBool) -> Result<Tried, Failure> {
             let first = (u128::from(place) * u128::from(batches)) >> 32;
             let first = u64::try_from(first).unwrap_or(0) * together; // below the number of points
             tried.add(sweep, first..points.min(first + together), over)?;
-            if over.load(Ordering::Relaxed) || stop.load(Ordering::Relaxed) {
+            if over.load(Ordering::Relaxed) {
                 break;
             }
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::Stopped(anyhow!("stopped before there was a plan")));
         }
         drop(done);
         Ok(tried)

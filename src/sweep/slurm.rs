@@ -6,6 +6,7 @@
 
 use super::directory::Directory;
 use crate::args::SlurmArgs;
+use crate::child::this_program;
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
 use producer::sweep::Sweep;
@@ -13,7 +14,8 @@ use schemas::whole_file::{self, create_directory};
 use serde::Serialize;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::iter;
+use std::path::Path;
 use std::process::Command;
 
 /// Rest of the script after the options of sbatch, which [`script`] makes.
@@ -29,7 +31,7 @@ pub(super) const SCRIPT: &str = "array.sh";
 /// A job array that was written, and perhaps sent.
 #[derive(Debug, Serialize)]
 pub(crate) struct JobArray {
-    pub(crate) script: PathBuf,
+    pub(crate) script: String,
     pub(crate) array_size: u64,
     /// Its number, if it was sent.
     pub(crate) job: Option<String>,
@@ -64,7 +66,7 @@ pub(crate) fn job_array(
         _ => whole_file::write(&path, text.as_bytes(), true)?,
     }
     let job = args.submit.then(|| submit(&path)).transpose()?;
-    Ok(JobArray { script: path, array_size, job })
+    Ok(JobArray { script: path.display().to_string(), array_size, job })
 }
 
 fn script(
@@ -74,7 +76,10 @@ fn script(
     array_size: u64,
     record: bool,
 ) -> Result<String, Failure> {
-    let program = std::env::current_exe().context("the program that tasks are to start is unknown")?;
+    let command = this_program()?;
+    let words = iter::once(command.get_program()).chain(command.get_args());
+    let words =
+        words.map(|word| Ok(shell_word(text_of(Path::new(word))?))).collect::<Result<Vec<_>, Failure>>()?;
     let sweep = fs::canonicalize(sweep).with_context(|| sweep.display().to_string())?;
     let name = out.file_name().unwrap_or_default().to_string_lossy();
     let mut options = vec![
@@ -97,7 +102,7 @@ fn script(
         .replace("@OPTIONS@", &options.join("\n"))
         .replace("@ARRAY_SIZE@", &array_size.to_string())
         .replace("@RECORD@", if record { " --record" } else { "" })
-        .replace("@PROGRAM@", &shell_word(text_of(&program)?))
+        .replace("@PROGRAM@", &words.join(" "))
         .replace("@SWEEP@", &shell_word(text_of(&sweep)?)))
 }
 

@@ -1,14 +1,15 @@
 //! Progress of a sweep in a directory, from its journals, the traces of a job array, and squeue if
 //! it is there. Memory is a bit for each point and a few words for each shard.
 
-use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, files};
+use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, Sign, files};
 use super::pending::Points;
 use super::slurm::{SCRIPT, SLURM};
 use crate::failure::{BadInput, Failure};
 use anyhow::Context;
-use consumers::journal;
+use consumers::journal::{self, JournalError, JournalHead};
+use consumers::table::{Column, Kind};
 use producer::sweep::MAX_POINTS;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -83,8 +84,9 @@ pub(crate) struct Shard {
 /// # Errors
 /// When it holds no sweep, or cannot be read.
 pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
-    let points = point_count(directory)?;
-    let mut rows = Counted::read(directory, points)?;
+    let sign = sign(directory)?;
+    let points = sign.points;
+    let mut rows = Counted::read(directory, &sign)?;
     let count = shard_count(directory, &rows).min(points.max(1));
     let mut done = vec![0_u64; usize::try_from(count)?];
     for index in (0..points).filter(|index| rows.points.has(*index)) {
@@ -121,11 +123,7 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
     Ok(status)
 }
 
-fn point_count(directory: &Path) -> Result<u64, Failure> {
-    #[derive(Deserialize)]
-    struct Sign {
-        points: u64,
-    }
+fn sign(directory: &Path) -> Result<Sign, Failure> {
     let path = directory.join(SWEEP_JSON);
     if !path.exists() {
         return Err(bad_input!("{} holds no sweep", directory.display()));
@@ -144,7 +142,7 @@ fn point_count(directory: &Path) -> Result<u64, Failure> {
             path.display()
         ));
     }
-    Ok(found)
+    Ok(sign)
 }
 
 /// Number of shards of the sweep: from its job array, else from its newest journal.
@@ -182,8 +180,11 @@ struct JournalFile {
 }
 
 impl Counted {
-    fn read(directory: &Path, points: u64) -> Result<Self, Failure> {
-        let points = Points::none_of(points);
+    fn read(directory: &Path, sign: &Sign) -> Result<Self, Failure> {
+        // their names decide
+        let columns = sign.columns.iter().map(|name| Column::new(name, Kind::Double)).collect();
+        let head = JournalHead { identity: sign.identity(), columns };
+        let points = Points::none_of(sign.points);
         let (journals, unreadable) = (HashMap::new(), Vec::new());
         let has_traces = directory.join(SLURM).is_dir();
         let mut rows = Self { points, journals, damaged: 0, unreadable, longest_s: 0.0, has_traces };
@@ -192,12 +193,14 @@ impl Counted {
         {
             let mut count = 0;
             let metadata = fs::metadata(&path).with_context(|| path.display().to_string())?;
-            let damaged = journal::scan(&path, |index, wall_s| {
-                count += 1;
-                rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
-                rows.points.add(index);
+            let scanned = check_head(&path, &head).and_then(|()| {
+                journal::scan(&path, |index, wall_s| {
+                    count += 1;
+                    rows.longest_s = if wall_s > rows.longest_s { wall_s } else { rows.longest_s };
+                    rows.points.add(index);
+                })
             });
-            match damaged {
+            match scanned {
                 Ok(damaged) => rows.damaged += damaged,
                 Err(error) => {
                     rows.unreadable.push(format!("{:#}", anyhow::Error::new(error)));
@@ -214,6 +217,15 @@ impl Counted {
 
     fn still(&self) -> Duration {
         STILL.max(Duration::try_from_secs_f64(STILL_POINTS * self.longest_s).unwrap_or(Duration::MAX))
+    }
+}
+
+/// Refuses a journal of another table.
+fn check_head(path: &Path, head: &JournalHead) -> Result<(), JournalError> {
+    // its first row comes after the check
+    match journal::read(path, head, |_, _| Err(None)) {
+        Err(Some(error)) => Err(error),
+        Ok(_) | Err(None) => Ok(()),
     }
 }
 

@@ -25,7 +25,7 @@ use At::{Bare, Wait, Work};
 /// Commands, when they are stopped, and the files that must not be there then. `long.mcap` has the first and the last of [`STEPS`]
 /// steps, `loaded.mcap` a chain whose modes take long, `slow.toml` an orbit of many steps, `many` thousands of recordings; `paced` is a live run. Results of analyses up to
 /// where they were stopped are kept, and said to end there.
-const LONG: [(&str, At, &[&str]); 51] = [
+const LONG: [(&str, At, &[&str]); 52] = [
     ("share long.mcap --pulses", Work, &["long.html"]),
     ("share long.mcap --every-steps 1000000 --force", Work, &["long.html"]),
     ("thin long.mcap --every-steps 1000000000000 --out thin.mcap", Work, &["thin.mcap"]),
@@ -88,6 +88,7 @@ const LONG: [(&str, At, &[&str]); 51] = [
     ("replay long.mcap", Wait("waiting for"), &[]),
     ("replay long.mcap --wait-for 0 --name long", Work, &[]),
     ("sweep sweep.toml --out sweep --yes", Work, &["sweep/results.csv"]),
+    ("sweep sweep.toml --plan", Work, &[]),
     ("sweep --status whole", Bare, &[]),
     ("check run.toml", Work, &[]),
     ("catalog many --out table.csv", Bare, &[]),

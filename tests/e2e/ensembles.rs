@@ -267,6 +267,23 @@ fn columns_over_time_are_means_of_the_rows_of_the_analysis() {
     let exponents: Vec<f64> = exponents.map(|fit| fit["exponent"].as_f64().expect("a number")).collect();
     // without disorder a struck chain has 2
     assert!(exponents.len() == 2 && exponents[1] < exponents[0] && exponents[0] < 2.1, "{exponents:?}");
+    let told = place.run(&plot.replace("--json", "--out again.png")).exits(0).stdout();
+    assert!(told.contains("takes the times of a run for independent"), "{told}");
+}
+
+/// A chain that a bath sets in motion spreads no energy at first: its first interval has the mean of the later frames.
+#[test]
+fn a_frame_without_a_value_counts_nothing_in_its_interval() {
+    let place = place(
+        "seeds = { from = 0, count = 1 }\n[series]\nmeasure = [\"spreading.participation\", \"heat.kinetic_temperature_j\"]\ncount = 2\n[base]\n\
+         chain = { beads = 8, bead_mass_kg = 1.0, bonds = { linear = 1.0 } }\nends = { left = \"fixed\", right = \"fixed\" }\n\
+         bath = [{ beads = \"..2\", temperature_j = 1.5, friction_per_s = 0.5 }]\n\
+         time = { duration_s = 4.0, dt_s = 0.02 }\nstream = { publish_every_steps = 20 }\n",
+    );
+    place.run("sweep s.toml --out dir").exits(0);
+    let found = rows(&place.read("dir/series.csv"));
+    assert_eq!(found.len(), 2);
+    assert!(found.iter().all(|line| number(line, "spreading.participation_beads") >= 1.0), "{found:?}");
 }
 
 #[test]

@@ -55,6 +55,20 @@ fn times_that_no_clock_has_are_not_believed() {
 }
 
 #[test]
+fn rows_of_another_sweep_are_not_counted() {
+    let place = swept();
+    let journal = place.read("sweep/rows/0-of-1.rows");
+    place.write("other.toml", &SWEEP.replace("beads = 10", "beads = 11"));
+    place.run("sweep other.toml --out other").exits(0);
+    place.write("sweep/rows/0-of-1.rows", &place.read("other/rows/0-of-1.rows"));
+    let status = place.run("sweep --status sweep --json").exits(3).json();
+    assert_eq!(status["done"], 0, "{status}");
+    assert!(status["unreadable"][0].as_str().unwrap().contains("belongs to another table"), "{status}");
+    place.write("sweep/rows/0-of-1.rows", &journal);
+    place.run("sweep --status sweep").exits(0);
+}
+
+#[test]
 fn a_pipe_among_the_files_of_a_sweep_is_named_and_not_waited_for() {
     let place = swept();
     pipe(&place.path("sweep/rows/1-of-2.rows"));

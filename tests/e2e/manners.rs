@@ -3,7 +3,9 @@
 use crate::harness::{Ended, Place, Running, wait_until};
 use crate::recordings::in_a_namespace;
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_beadline");
@@ -419,6 +421,34 @@ fn what_turns_the_direction_of_writing_is_escaped() {
                 assert_eq!(ended.json()["path"], name);
             }
         }
+    }
+}
+
+/// A name may have any bytes but 0 and `/`: results name it as well as JSON can, and lists have a line for it.
+#[test]
+fn a_name_that_is_no_text_is_told_as_well_as_can_be() {
+    let place = Place::new();
+    let name = OsStr::from_bytes(b"a\xff\nb.mcap");
+    let told = "a\u{fffd}\nb.mcap";
+    place.run(&format!("{SHORT} --name run")).exits(0);
+    fs::rename(place.path("run.mcap"), place.path(name)).unwrap();
+    let run = |words: &str| {
+        let words_and_name = words.split_whitespace().map(OsStr::new).chain([name]);
+        Running::start(words, place.command(words_and_name)).wait().exits(0)
+    };
+    for (words, key) in
+        [("info --json", "path"), ("verify --json", "file"), ("replay --json --wait-for 0", "path")]
+    {
+        assert_eq!(run(words).json()[key], told, "{words}");
+    }
+    assert_eq!(run("share --json").json()["path"], told.replace("mcap", "html"));
+    assert_eq!(
+        place.run("ls . --json").exits(0).json()[0]["path"].as_str().unwrap().matches(told).count(),
+        1
+    );
+    for words in ["ls . --names", "ls ."] {
+        let lines = place.run(words).exits(0).stdout();
+        assert!(lines.contains("a\u{fffd}\\nb.mcap"), "{lines}");
     }
 }
 

@@ -389,3 +389,14 @@ fn a_bead_that_moves_less_than_others_is_told() {
     assert!(found["asked_bead"].is_u64(), "{found}");
     assert_eq!(words.contains("asked for             300.000 mm, of bead"), is_surpassed, "{words}");
 }
+
+/// Bonds without a linear part carry no linear waves that an orbit could lie above.
+#[test]
+fn an_orbit_of_cubic_bonds_lies_beside_no_bands() {
+    let place = Place::new();
+    let text = "[chain]\nbeads = 4\nbead_mass_kg = 1.0\nbonds = { cubic = 1e6 }\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+        [initial]\ndisplacements_m = [0.01, -0.01, 0.01, -0.01]\n[orbit]\nperiod_s = 0.2\namplitude_m = 0.01\n";
+    place.write("cubic.toml", text);
+    let found = place.run("orbit cubic.toml --out cubic --json").exits(0).json();
+    assert!(found["frequency_is"].is_null(), "{found}");
+}

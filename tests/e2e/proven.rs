@@ -4,7 +4,7 @@
 use crate::harness::{Place, wait_until};
 use consumers::energies::{Energies, default_split_bead};
 use hostile::checksums;
-use hostile::records::{Chunk, Parts, op};
+use hostile::records::{Chunk, Parts, Record, op};
 use hostile::summary::rebuilt;
 use recording::{BeginRecord, Compression, RecordingSource, RecordingWriter, RowMessages, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
@@ -211,6 +211,15 @@ fn a_summary_section_that_is_not_that_of_the_data_is_damage() {
         ("statistics missing", Box::new(without(op::STATISTICS)), "no statistics"),
         ("the footer: where offsets begin", Box::new(flip(op::FOOTER, 8)), "footer"),
     ];
+    // the offset of a group that has no record leads nowhere
+    let empty = forge(&bytes, |parts| {
+        let at = last(parts, op::SUMMARY_OFFSET);
+        let mut body = parts.records[at].body.clone();
+        body[9..].fill(0);
+        parts.records.insert(at + 1, Record { opcode: op::SUMMARY_OFFSET, body, offset: usize::MAX });
+    });
+    fs::write(place.path("empty.mcap"), empty).unwrap();
+    verify(&place, "empty.mcap", 0);
     for (what, change, said) in lies {
         fs::write(place.path("lie.mcap"), forge(&bytes, change)).unwrap();
         let found = verify(&place, "lie.mcap", 3);

@@ -1,8 +1,9 @@
 //! A recording that is published again is the run, as far as consumers can tell.
 
 use crate::harness::{Place, Running, wait_until};
+use crate::lying;
 use bus::{AttachOptions, Delivery, LiveSource};
-use recording::{RecordingSource, RecordingWriter, WriteOptions};
+use recording::{BeginRecord, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::chain::Chain;
 use schemas::frame::{EndReason, FrameSink, FrameSource, Received};
 use schemas::manifest::RunManifest;
@@ -254,6 +255,14 @@ fn a_recording_that_is_not_whole_ends_as_a_failed_run() {
     let replay = place.start("replay part.mcap");
     assert_eq!(listen(&place, "small").0.end, EndReason::Interrupted);
     replay.wait().exits(0);
+    // so was a part of a recording, whose run went on
+    let (manifest, states) = lying::run(&place);
+    for end in [EndReason::Continued, EndReason::Detached] {
+        lying::write(&place, "first.mcap", &manifest, &BeginRecord::default(), &states[..3], end);
+        let replay = place.start("replay first.mcap");
+        assert_eq!(listen(&place, manifest.provenance.name.as_str()).0.end, EndReason::Interrupted);
+        replay.wait().exits(0);
+    }
     place.write("text.mcap", "something else");
     place.run("replay text.mcap").exits(2);
 }

@@ -339,6 +339,7 @@ fn what_cannot_be_gone_on_with_is_refused_and_stays() {
     refused("run.mcap --name other", &["--resume", "--name"]);
     refused("run.mcap --no-record", &["--resume", "--no-record"]);
     refused("missing.mcap.partial", &["missing.mcap.partial"]);
+    refused("https://example.org/run.mcap", &["a URL", "download the recording"]);
 
     let mut damaged = recording.clone();
     damaged[recording.len() / 2] ^= 1;

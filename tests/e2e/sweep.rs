@@ -196,6 +196,16 @@ fn an_interrupted_sweep_keeps_what_it_has() {
     assert_eq!(place.read("dir/results.csv").lines().count(), 3);
 }
 
+/// Rows that vanish while they are written are not passed over.
+#[test]
+fn a_journal_that_is_deleted_meanwhile_is_told() {
+    let place = place(&ENDLESS.replace("1e4, 2e4", "5.0"));
+    let sweep = place.start("sweep s.toml --out dir --jobs 1");
+    wait_for_rows(&place, 2);
+    fs::remove_file(place.path("dir/rows/0-of-1.rows")).unwrap();
+    sweep.wait().exits(1).says(&["0-of-1.rows was moved or deleted while it was being written"]);
+}
+
 /// A run that leaves the range of doubles has a row that says so; the others are computed.
 #[test]
 fn a_failed_run_has_a_row() {

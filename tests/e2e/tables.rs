@@ -227,6 +227,11 @@ fn mistakes_say_what_there_is() {
         ("nothing.csv", "nothing.csv cannot be read"),
         ("results.csv --out figure.txt", "a figure is written as .svg, .pdf or .png"),
         ("run.mcap --x chain.alpha", "--x is for tables (.csv, .parquet); run.mcap is a run or a recording"),
+        (
+            "run.mcap --what velocity --slope 1",
+            "--slope is for tables (.csv, .parquet); run.mcap is a run or a recording",
+        ),
+        ("results.csv --slope nan", "expected an exponent, such as 1.5 or -2"),
         ("run.mcap", "--what is missing"),
     ] {
         place.run(&format!("plot {words}")).exits(2).says(&[says]);

@@ -174,6 +174,9 @@ fn modes_need_no_striker() {
     assert_eq!(modes("still"), modes("struck"));
     let top_hz = number(&modes("bonds")["modes"][8]["frequency_hz"]);
     assert!((top_hz - 2.0 * (8.0 * PI / 18.0).sin() / TAU).abs() < 1e-12, "{top_hz}");
+    // nor have bonds a linear motion that only the cube of their stretch pulls
+    place.write("cubic.toml", &bonds.replace("linear = 1.0, ", ""));
+    place.run("modes cubic.toml").exits(2).says(&["its bonds have no linear part"]);
     // a chain that is not linear says so, not that nothing moves it
     place.write("loose.toml", &chain.replace("10.0", "0.0"));
     place.run("modes loose.toml").exits(2).says(&["is not pressed together at rest"]);

@@ -427,6 +427,12 @@ function checkChanges() {
   ]) {
     assert.match(whyNotChanged({ what, bead: 0, part, value }, bound), says);
   }
+  // a drive that presses harder has a shorter step, as the command asks for it
+  const pushed = { ...plain, striker: { bead: 0, velocity_m_s: 0 }, drives };
+  const harder = { what: "drive", bead: 0, part: "force_n.sine.amplitude", value: 1e6 };
+  const { physics } = changed(harder, { physics: pushed, provenance: { name: "one" } }, CHAIN_OF_TWO).manifest;
+  assert.ok(Math.abs(physics.dt_s - 0.1 * pushed.dt_s) < 1e-12 * pushed.dt_s, `${physics.dt_s} s`);
+  assert.ok(Math.abs(physics.dt_s * physics.step_count - pushed.dt_s * pushed.step_count) < 1e-9);
   // the drag of an absorbing end stays, in the configuration, too: by default it follows T
   const absorbing = { ...TWO, ends: { left: "free", right: "absorbing" }, striker: { bead: 0, velocity_m_s: 1 } };
   const chain = { ...CHAIN_OF_TWO, drag: Float64Array.of(0, 0.005) };

@@ -7,8 +7,14 @@ import assert from "node:assert/strict";
 import { amount, labelled, ticks } from "../../page/axes.js";
 import { ColourScale, diverging, sequential, theme } from "../../page/colours.js";
 import { curvePlot } from "../../page/curves.js";
-import { mapScales } from "../../page/map.js";
+import { beadsOf, mapScales } from "../../page/map.js";
+import { Page } from "../../page/page.js";
+import { drawProfile } from "../../page/profile.js";
+import { measured, rulerWords } from "../../page/ruler.js";
+import { Run } from "../../page/run.js";
+import { Spectrum } from "../../page/spectrum.js";
 import { SvgSurface, escaped } from "../../page/surface.js";
+import { Timeline } from "../../page/timeline.js";
 import { passes, title } from "../../page/compare.js";
 import { leftOut } from "../../page/curves.js";
 import { Fields } from "../../page/fields.js";
@@ -60,6 +66,11 @@ expected.forEach((shade, i) => {
   colour.forEach((byte, part) => assert.ok(Math.abs(byte - bytes[4 * i + part]) <= 2, `${cells[i]}`));
   assert.equal(bytes[4 * i + 3], 255);
 });
+for (const size of [9e40, 5e-48]) {
+  const vast = new Uint32Array(2);
+  new ColourScale({ from: -5 * size, to: 5 * size }, theme(false).shade).paint([5 * size, 0], vast);
+  assert.deepEqual([...vast], [pixels[2], pixels[0]], "beyond single precision");
+}
 assert.equal(new ColourScale({ from: -1, to: 3 }, diverging).place(0), 0.25);
 assert.equal(new ColourScale({ from: NaN, to: Infinity }, diverging).to, 1);
 
@@ -68,6 +79,56 @@ const box = { x: 0, y: 0, width: 800, height: 600 };
 const scales = mapScales(box, { places: [-0.5, 999.5], steps: [0, 55190] });
 assert.ok(Math.abs(scales.place(scales.x(123)) - 123) < 1e-9 && Math.abs(scales.step(scales.y(777)) - 777) < 1e-9);
 assert.ok(curvePlot({ x: 0, y: 0, width: 10, height: 10 }).width > 0);
+
+// Contacts in view are of one bead more, all of a chain of two, too.
+assert.deepEqual(beadsOf({ places: [-0.5, 0.5], field: "force" }), [0, 1]);
+assert.deepEqual(beadsOf({ places: [-0.5, 1.5], field: "energy" }), [-0.5, 1.5]);
+
+// Beads of a loaded chain stand over their numbers, and overlap.
+{
+  const [beads, rest] = [12, 2e-6];
+  const chain = { mass: new Float64Array(beads).fill(1), restOverlap: new Float64Array(beads - 1).fill(rest) };
+  const state = { step: 0, time_s: 0, u: new Float64Array(beads), v: new Float64Array(beads), extra: new Float64Array(0) };
+  const view = { places: [-0.5, beads - 0.5], steps: [0, 1], field: "velocity" };
+  const [drawn, room] = [new SvgSurface(800, 300), { x: 0, y: 0, width: 800, height: 300 }];
+  drawProfile(drawn, room, { state, chain }, view, theme(false));
+  const circles = [...drawn.toString().matchAll(/<circle cx="([\d.]+)" cy="[\d.]+" r="([\d.]+)"/g)].slice(beads);
+  const { x } = mapScales(room, view);
+  assert.equal(circles.length, beads);
+  circles.forEach(([, at, radius], bead) => {
+    assert.ok(Math.abs(at - x(bead)) < 0.02 && (bead % (beads - 1) === 0 || radius > 0.6 * (x(1) - x(0))), `bead ${bead} at ${at}`);
+  });
+}
+
+// The speed along a ruler is that of the radii that a seed has made, and where they are not known that is said.
+{
+  const spheres = { radius_m: 5e-3, density_kg_m3: 8000 };
+  const physics = { beads: 3, spheres, dt_s: 1, disorder: [{ of: "radii" }] };
+  const mass = [5e-3, 1e-2, 5e-3].map((radius) => (4 / 3) * Math.PI * 8000 * radius ** 3);
+  assert.ok(Math.abs(measured([0, 0, 2, 1], physics, mass).m_per_s - 0.03) < 1e-12);
+  assert.equal(rulerWords([0, 0, 2, 1], physics, mass)[0], "2 beads/s = 30 mm/s");
+  physics.disorder.push({ of: "masses" });
+  assert.match(rulerWords([0, 0, 2, 1], physics, mass)[0], /^2 beads\/s = ≈ 20 mm\/s$/);
+}
+
+// The cursor goes from stored state to stored state, from the end, too.
+for (const [step, direction, expected] of [[6805, -1, 6800], [6800, -1, 6700], [6805, 1, 6900], [0, 1, 100], [0, -1, -100]]) {
+  const by = (steps) => assert.equal(step + steps, expected);
+  Timeline.prototype.byFrame.call({ step, frameSteps: 100, by }, direction);
+}
+
+// Beyond the end of the other run nothing of it is shown; a ring has a contact more.
+{
+  const run = (dt_s, lastStep, ring) =>
+    Object.assign(Object.create(Run.prototype), { physics: { dt_s, beads: 40 }, info: { firstStep: 0, lastStep, chain: { ring } }, state: {} });
+  const at = (step) => Object.assign(Object.create(Page.prototype), { run: run(1, 100), second: run(0.5, 120), view: { step } }).secondState;
+  assert.deepEqual([0, 60, 61, 100].map((step) => at(step) !== undefined), [true, true, false, false]);
+  for (const [ring, bead] of [[{}, 39], [undefined, 38]]) {
+    const spectrum = new Spectrum({ run: run(1, 100, ring), bead: 39, window: () => ({ steps: [0, 100] }) });
+    spectrum.of = "force";
+    assert.equal(spectrum.request().bead, bead);
+  }
+}
 
 // Text stays text.
 assert.equal(escaped("<b a=\"1\" c='2'>&\u0000\ud800"), "&lt;b a=&quot;1&quot; c=&#39;2&#39;&gt;&amp;\ufffd\ufffd");
@@ -79,6 +140,10 @@ assert.ok(!svg.toString().includes("<script>") && svg.toString().includes('d="M0
 assert.deepEqual(
   ["chain.impurities[0].mass_kg", "forward_energy_j", "forward_v_peak_m_s", "forward_speed_beads_per_s", "alpha"].map(title),
   ["impurities mass (kg)", "forward energy (J)", "forward v peak (m/s)", "forward speed (beads/s)", "alpha"],
+);
+assert.deepEqual(
+  ["resonators.stiffness_n_per_m", "lyapunov.exponent_per_s", "forces.peak_n@right", "forces.impulse_n_s@12"].map(title),
+  ["resonators stiffness (N/m)", "lyapunov exponent (1/s)", "forces peak at right (N)", "forces impulse at 12 (N·s)"],
 );
 const compared = { name: "walls", traits: { "chain.alpha": 1.8, end: "complete" }, open() {} };
 assert.ok(["", "walls", "alpha>1.7 alpha<=1.8", "end=complete", "COMPL", "alpha!=2"].every((one) => passes(one, compared)));

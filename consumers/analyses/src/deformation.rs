@@ -22,7 +22,7 @@ pub static OFFER: Offer = Offer {
         beadline deformation run.mcap --contact 100 --figure d.png\n  \
         beadline deformation run.mcap --contact 100 --contact 150 --out d.csv\n\n\
         Contact C joins beads C and C+1; the last one of a ring joins its last bead and bead 0. Theories are scaled to the largest overlap; their width, speed, \
-        impulse and shape are predictions.",
+        impulse and shape are predictions. A bond that is stretched before a pulse presses it has no first pulse.",
     settings: &[Setting::new("contact", Takes::Whole("C"), "A contact to follow, repeatable")
         .repeatable()
         .required()],

@@ -8,9 +8,10 @@ use consumers::analysis::{
 };
 use consumers::blocks::{Blocks, Estimate};
 use consumers::table::{Cell, Column};
+use consumers::uncertain::Uncertain;
 use figure::{Axis, Curve, Figure, FigureError, Panel};
 use green_kubo::{GreenKubo, Point, panel};
-use schemas::amounts::{number, quantity};
+use schemas::amounts::{quantity, unit};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -29,10 +30,11 @@ pub static OFFER: Offer = Offer {
         moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
         doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between \
         two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
-        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. \
+        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. The temperature remembers longer: between two \
+        baths its error may be a quarter too small, and runs with other seeds tell. \
         Baths of different temperatures in a ring, or more than two of them, drive no one current along the chain: --profile has that of each contact.\n\n\
         Without a difference of temperature the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
-        current of all n contacts less its mean, and T the temperature of the chain, from its mean kinetic energy. It is shown over τ: where it stays level it is the conductivity; \
+        current of all n contacts less its mean, whose own scatter from run to run, 2·κ·n·T² over the time, is allowed for, and T the temperature of the chain, from its mean kinetic energy. It is shown over τ: where it stays level it is the conductivity; \
         where it goes on growing the chain has none, as long chains that conserve momentum. Take a ring, or baths on all beads: between ends κ(τ) comes back to 0. Frames have to be evenly spaced, and \
         closer than the current changes; no pair of them has a gap between.",
     settings: &[Setting::new(
@@ -286,25 +288,29 @@ impl Analysis for Heat {
     fn report(&mut self) -> Option<Report> {
         let [current, temperature, conductivity] = self.found();
         let memory_s = self.memory_s();
-        let told = |found: Estimate, text: &dyn Fn(f64) -> String| match found.error {
-            error if error.is_nan() => text(found.mean),
-            error => format!("{} ± {}", text(found.mean), text(error)),
+        let told = |Estimate { mean, error, .. }: Estimate, of: &str| {
+            if error.is_nan() {
+                return quantity(mean, of);
+            }
+            let (unit, one) = unit(if error > mean.abs() { error } else { mean }, of);
+            format!("{} {unit}", Uncertain::new(mean, error) / one)
         };
+        let per_s = |mean: f64, error: f64| format!("{} 1/s", Uncertain::new(mean, error));
         let mut report = Report { title: "heat", ..Report::default() };
         let words = &mut report.words;
         if self.no_current.is_none() {
-            words.add("current", told(current, &|value| quantity(value, "W")));
+            words.add("current", told(current, "W"));
         }
         if memory_s.is_finite() {
             words.add("memory", format_args!("{} of the current", quantity(memory_s, "s")));
         }
-        words.add("temperature", told(temperature, &|value| quantity(value, "J")));
+        words.add("temperature", told(temperature, "J"));
         if self.conductivity_per_j.is_some() {
-            words.add("conductivity", format_args!("{} 1/s", told(conductivity, &number)));
+            words.add("conductivity", per_s(conductivity.mean, conductivity.error));
         }
         if let Some((lag_s, _, kubo)) = self.points.last() {
-            let ([kappa, error], up_to) = (kubo.map(number), quantity(*lag_s, "s"));
-            words.add("Green-Kubo", format_args!("{kappa} ± {error} 1/s from lags up to {up_to}"));
+            let ([kappa, error], up_to) = (*kubo, quantity(*lag_s, "s"));
+            words.add("Green-Kubo", format_args!("{} from lags up to {up_to}", per_s(kappa, error)));
         }
         report.results = self.numbers().map(|(name, number)| (name, json!(number))).into_iter().collect();
         report.notices.extend(self.no_current.map(|why| {

@@ -1,13 +1,13 @@
 //! Sharing of energy by the linear modes: spectral entropy, effective number of modes, the time until equipartition.
 
-use crate::modes::with_resonators;
+use crate::modes::{NO_FREQUENCY, with_resonators};
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
     Takes, frame_columns,
 };
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
-use figure::{Axis, Figure, FigureError, Panel};
+use figure::{Axis, Colour, Curve, Figure, FigureError, Panel, Stroke};
 use pulp::Arch;
 use schemas::amounts::{number, quantity};
 use schemas::chain::Chain;
@@ -184,9 +184,7 @@ impl ModalAnalysis {
         let modal = modal.map_err(|error| error.to_string())?;
         if modal.as_ref().is_some_and(|modal| (0..modal.count()).all(|mode| modal.frequency_hz(mode) == 0.0))
         {
-            return Err("no mode of this chain has a frequency: its bonds have no linear part"
-                .to_owned()
-                .into());
+            return Err(NO_FREQUENCY.to_owned().into());
         }
         let still =
             |modal: &Modal| (0..modal.count()).take_while(|mode| modal.frequency_hz(*mode) == 0.0).count();
@@ -362,6 +360,10 @@ impl Analysis for ModalAnalysis {
         };
         let spectrum = self.spectrum().into_iter().filter(|[_, _, part]| *part > 0.0);
         let spectrum: Vec<_> = spectrum.map(|[hertz, _, part]| (hertz, part)).collect();
+        // a curve, which the axis has room for
+        let threshold = distance(1).into_iter().map(|(t, _)| (t, self.threshold));
+        let threshold =
+            Curve::line("threshold", threshold).stroke(Stroke::Dashed).colour(Colour::Grey).thin();
         let figure = Figure::new().caption(plots::caption(&self.manifest));
         let figure = if self.bands.is_empty() { figure } else { figure.panel(self.bands_panel()) };
         Ok(Some(
@@ -370,7 +372,7 @@ impl Analysis for ModalAnalysis {
                     Panel::new()
                         .x_axis(Axis::new("time (s)").log())
                         .y_axis(Axis::new("distance from equipartition η").log())
-                        .horizontal("threshold", self.threshold)
+                        .curve(threshold)
                         .line("in each frame", distance(0))
                         .line("of mean energies", distance(1)),
                 )

@@ -72,6 +72,9 @@ const MOST: usize = 64;
 /// Modes outside of the bands that are shown.
 const SHOWN: usize = 6;
 
+/// Refusal of a chain without linear motion.
+pub(crate) const NO_FREQUENCY: &str = "no mode of this chain has a frequency: its bonds have no linear part";
+
 thread_local! {
     /// The modes of one run are asked for several times.
     static LAST_MODES: RefCell<Option<(LinearChain, Arc<Modes>)>> = const { RefCell::new(None) };
@@ -155,9 +158,13 @@ impl ModeAnalysis {
             asked.iter().filter_map(|mode| usize::try_from(mode - 1).ok()).collect()
         };
         let modes = (!beginning.is_trial).then(|| modes_of(&chain)).transpose();
+        let modes = modes.map_err(|error| error.to_string())?;
+        if modes.as_ref().is_some_and(|modes| modes.frequency_hz(count - 1) == 0.0) {
+            return Err(NO_FREQUENCY.to_owned().into());
+        }
         Ok(Self {
             bands_hz: UnitCell::of(&chain).map_or_else(Vec::new, |cell| cell.bands_hz()),
-            modes: modes.map_err(|error| error.to_string())?,
+            modes,
             row: Vec::new(),
             largest_j: vec![0.0; chosen.len()],
             curves: vec![Series::default(); chosen.len()],

@@ -11,7 +11,7 @@ use consumers::pulses::{
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::table::{Cell, Column};
 use figure::{Figure, FigureError};
-use schemas::amounts::{count, counted, fixed};
+use schemas::amounts::{self, count, counted, fixed, typed_quantity};
 use schemas::frame::{Active, Frame};
 use schemas::manifest::RunManifest;
 use schemas::results::{PULSE, ResultColumns};
@@ -26,13 +26,14 @@ pub static OFFER: Offer = Offer {
         beadline pulses run.mcap --out pulses.csv --positions tracks.csv\n  \
         beadline pulses run.mcap --threshold 0.01            only those above a hundredth of v0\n\n\
         A pulse passes a bead when |v| of the bead has a maximum in time while both of its contacts are \
-        pressed; it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Where \
+        pressed (bonds count as pressed, also where they pull); it counts once it has passed 5 beads, and ends where it meets an impurity or an end. Where \
         light and heavy beads alternate, the maximum is that of the mean velocity around. How many weak \
         pulses there are depends on the threshold: the count says how many would be found at twice of it. \
         Peaks are good to 1e-4 if 8 frames fall into the time that a pulse takes to pass; what a recording \
         with fewer lacks is recomputed, unless --as-recorded. What moved along the chain and is in no pulse, \
         above all a front that no pulse leads, is told, and the exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
-        peak velocity: 1 for a pulse that no longer changes. asymmetry = (rear − front)/(rear + front) of \
+        peak velocity: 1 for a pulse that no longer changes. Velocities, momenta and energies count from the velocity \
+        that at least half of the beads begin with; if there is none, V/V_sw is empty. asymmetry = (rear − front)/(rear + front) of \
         the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave.",
     settings: &[Setting::new(
         "threshold",
@@ -244,6 +245,13 @@ impl Analysis for PulseAnalysis {
         if !self.pulses.unfollowed().is_empty() {
             words.add("not followed", not_followed_text(&self.pulses));
         }
+        let drift_m_s = self.pulses.drift_m_s();
+        if drift_m_s != 0.0 {
+            words.add(
+                "velocities",
+                format!("relative to {}, with which most beads begin", typed_quantity(drift_m_s, "m/s")),
+            );
+        }
         words.add("", HEADING);
         let obstacles = Obstacles::of(&self.manifest.physics.chain());
         add_lines(&mut words, &obstacles, self.strongest.pulses());
@@ -378,15 +386,15 @@ fn leading_is_followed(pulses: &Pulses) -> bool {
 
 fn unfollowed_text(disturbance: &Unfollowed) -> String {
     let Unfollowed { beads: [from, to], times_s: [since_s, until_s], v_peak_m_s, leads } = disturbance;
-    let (v_peak, since_ms, until_ms) = (peak(*v_peak_m_s), since_s * 1e3, until_s * 1e3);
+    let (v_peak, since, until) = (peak(*v_peak_m_s), time(*since_s), time(*until_s));
     if *leads {
         return format!(
-            "the leading pulse is missing: a front of {v_peak} m/s passed beads {from} to {to} from {since_ms:.3} to \
-             {until_ms:.3} ms, and no pulse follows it"
+            "the leading pulse is missing: a front of {v_peak} m/s passed beads {from} to {to} from {since} to \
+             {until}, and no pulse follows it"
         );
     }
     format!(
-        "a disturbance of {v_peak} m/s passed beads {from} to {to} from {since_ms:.3} to {until_ms:.3} ms, and no \
+        "a disturbance of {v_peak} m/s passed beads {from} to {to} from {since} to {until}, and no \
          pulse follows it"
     )
 }
@@ -406,13 +414,13 @@ fn add_lines(words: &mut Words, obstacles: &Obstacles, pulses: &[Pulse]) {
         format!(
             "{:>9} m/s {:>8}/s {:>7} {:>8} {:>7} {:>8}  {:<24} {}",
             peak(point.v_peak_m_s),
-            number(point.speed_beads_per_s, 1),
+            point.speed_beads_per_s.map_or("–".into(), speed),
             number(point.shape.map(|shape| shape.fwhm_beads), 3),
             number(pulse.speed_over_solitary, 5),
             number(point.shape.map(|shape| shape.asymmetry), 3),
             point.bead,
-            format!("{} {} at {:.3} ms", pulse.birth.as_str(), from, pulse.birth_time_s * 1e3),
-            format_args!("{} {} at {:.3} ms", pulse.fate.as_str(), to, pulse.end_time_s * 1e3),
+            format!("{} {} at {}", pulse.birth.as_str(), from, time(pulse.birth_time_s)),
+            format_args!("{} {} at {}", pulse.fate.as_str(), to, time(pulse.end_time_s)),
         )
     };
     for pulse in pulses.iter().take(SHOWN) {
@@ -423,6 +431,19 @@ fn add_lines(words: &mut Words, obstacles: &Obstacles, pulses: &[Pulse]) {
 /// A velocity (m/s) with its digits, however weak the pulse is.
 fn peak(v_m_s: f64) -> String {
     if v_m_s.abs() < 1e-2 { format!("{v_m_s:.2e}") } else { format!("{v_m_s:.6}") }
+}
+
+/// A speed (beads/s), with six digits where one decimal is too few.
+fn speed(beads_per_s: f64) -> String {
+    if beads_per_s < 1e3 { amounts::number(beads_per_s) } else { fixed(beads_per_s, 1) }
+}
+
+/// A time in milliseconds, or in a unit that fits it where these are too coarse or too fine.
+fn time(time_s: f64) -> String {
+    if time_s == 0.0 || (1e-6..10.0).contains(&time_s) {
+        return format!("{:.3} ms", time_s * 1e3);
+    }
+    typed_quantity(time_s, "s")
 }
 
 fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
@@ -459,4 +480,16 @@ fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
         "unfollowed": found.unfollowed().iter().take(MOST_IN_JSON).collect::<Vec<_>>(),
         "pulses": pulses.iter().map(pulse).collect::<Vec<_>>(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_and_fast_units_keep_their_digits() {
+        assert_eq!([4567.89, 1.449_634, 1.234_567e-7].map(speed), ["4567.9", "1.44963", "1.23457e-7"]);
+        let told = [0.0, 1.234_567e-2, 226_870.421_774, 2.5e-9].map(time);
+        assert_eq!(told, ["0.000 ms", "12.346 ms", "226870 s", "2.5 ns"]);
+    }
 }

@@ -46,7 +46,7 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         }
     }
     let beads = usize::try_from(config.chain.beads).unwrap_or(usize::MAX);
-    for (u_m, v_m_s) in solitary::waves(&config, beads)? {
+    for (u_m, v_m_s) in solitary::waves(&config)? {
         add(&mut config.initial.displacements_m, u_m);
         add(&mut config.initial.velocities_m_s, v_m_s);
     }

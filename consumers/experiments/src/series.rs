@@ -39,8 +39,8 @@ pub(crate) struct SeriesSums {
     /// The first step, and the last step of each interval.
     first: u64,
     ends: Vec<u64>,
-    /// Number of frames, and sums of the time and of each column, in each interval.
-    sums: Vec<(f64, Vec<f64>)>,
+    /// Number and sum of the values of the time and of each column, in each interval.
+    sums: Vec<Vec<[f64; 2]>>,
 }
 
 impl SeriesSums {
@@ -77,7 +77,7 @@ impl SeriesSums {
         let physics = &manifest.physics;
         series.first = edges_s.first().map_or(0, |edge_s| physics.step_at_or_after(*edge_s));
         series.ends = edges_s.iter().skip(1).map(|edge_s| physics.step_at_or_before(*edge_s)).collect();
-        series.sums = vec![(0.0, vec![0.0; series.columns.len() + 1]); series.ends.len()];
+        series.sums = vec![vec![[0.0; 2]; series.columns.len() + 1]; series.ends.len()];
         Ok(series)
     }
 
@@ -92,7 +92,7 @@ impl SeriesSums {
         if frame.step < self.first {
             return;
         }
-        let Some((count, sums)) = self.sums.get_mut(interval) else { return };
+        let Some(sums) = self.sums.get_mut(interval) else { return };
         let value = |(at, way): &(usize, InRow)| {
             let found = match way {
                 InRow::Place(place) => rows[*at].values().and_then(|row| row.numbers().get(*place).copied()),
@@ -104,16 +104,16 @@ impl SeriesSums {
             found.unwrap_or(f64::NAN)
         };
         let values = [frame.time_s].into_iter().chain(self.columns.iter().map(value));
-        *count += 1.0;
-        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        for ([count, sum], value) in sums.iter_mut().zip(values).filter(|(_, value)| value.is_finite()) {
+            *count += 1.0;
+            *sum += value;
+        }
     }
 
-    /// The cells of all intervals: means, empty where there was no frame or a value does not exist.
+    /// The cells of all intervals: means of the values that there are, empty where there is none.
     pub(crate) fn cells(&self) -> impl Iterator<Item = Cell> {
-        let mean = |count: f64, sum: f64| Some(sum / count).filter(|mean| mean.is_finite());
-        self.sums.iter().flat_map(move |(count, sums)| {
-            sums.iter().map(move |sum| mean(*count, *sum).map_or(Cell::Empty, Cell::Double))
-        })
+        let mean = |[count, sum]: &[f64; 2]| Some(sum / count).filter(|mean| mean.is_finite());
+        self.sums.iter().flatten().map(move |sums| mean(sums).map_or(Cell::Empty, Cell::Double))
     }
 }
 

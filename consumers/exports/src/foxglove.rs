@@ -132,18 +132,17 @@ impl Foxglove {
     /// Adds a cloud, if the next one is due: as many as were asked for are spread over the steps.
     fn cloud(&mut self, frame: &Frame<'_>) -> Result<(), ExportError> {
         let (first, last) = self.excerpt.steps();
-        let gaps = self.excerpt.clouds.saturating_sub(1).max(1);
-        let due = |cloud: u64| u128::from(cloud) * u128::from(last - first) / u128::from(gaps);
-        let at = u128::from(frame.step - first);
-        if self.clouds >= self.excerpt.clouds || at < due(self.clouds) {
+        let gaps = u128::from(self.excerpt.clouds.saturating_sub(1).max(1));
+        let (at, steps) = (u128::from(frame.step - first), u128::from(last - first));
+        // cloud c is due at step c·steps/gaps, rounded down
+        if self.clouds >= self.excerpt.clouds || at < u128::from(self.clouds) * steps / gaps {
             return Ok(());
         }
         let cloud = cloud::of(&self.excerpt, frame, self.scale_m_s);
         self.write(self.channels.cloud, self.clouds, frame.time_s, &cloud)?;
-        // where states are rarer than clouds some are passed over
-        while self.clouds < self.excerpt.clouds && due(self.clouds) <= at {
-            self.clouds += 1;
-        }
+        // the first that is due later: where states are rarer than clouds some are passed over
+        let next = ((at + 1) * gaps).div_ceil(steps.max(1));
+        self.clouds = u64::try_from(next).unwrap_or(u64::MAX).min(self.excerpt.clouds); // integers
         Ok(())
     }
 

@@ -86,10 +86,22 @@ impl ColourScale {
         let ticks = Scale::new(&axis, std::iter::empty(), Margin::Nothing).ticks(most.div_ceil(2) + 1);
         let numbers = match self.log_beyond {
             None => ticks.major,
-            // less than a decade: the ends are enough
-            Some(_) => Vec::new(),
+            Some(_) => self.with_room(ticks.major, most),
         };
         BarTicks { numbers, exponent: ticks.exponent }
+    }
+
+    /// Numbers at places on a linear bar, where they lie on a logarithmic one that has less than a decade: as many as have room.
+    fn with_room(&self, linear: Vec<(f64, String)>, most: usize) -> Vec<(f64, String)> {
+        let least_apart = 1.0 / most.max(1) as f64;
+        let mut numbers: Vec<(f64, String)> = Vec::new();
+        for (part, label) in linear {
+            let place = self.place(self.from + part * (self.to - self.from));
+            if numbers.last().is_none_or(|(last, _)| place - last >= least_apart) {
+                numbers.push((place, label));
+            }
+        }
+        numbers
     }
 
     /// 0 and powers of ten of both signs, as many as have room.
@@ -230,6 +242,14 @@ mod tests {
         let one_sided = ColourScale::new("u (m)", 0.0, 2e-5).log_beyond(1e-8);
         assert_eq!(labels(&one_sided, 9), ["0", "10⁻⁷", "10⁻⁶", "10⁻⁵"]);
         assert_eq!(scale.shade(f64::INFINITY), 1.0);
+    }
+
+    #[test]
+    fn a_logarithmic_scale_without_a_power_of_ten_has_round_numbers() {
+        let scale = ColourScale::new("v (m/s)", -0.9, 0.9).log_beyond(0.2);
+        assert_eq!(labels(&scale, 9), ["−0.8", "−0.4", "−0.2", "0.0", "0.2", "0.4", "0.8"]);
+        let places: Vec<f64> = scale.ticks(9).numbers.into_iter().map(|(place, _)| place).collect();
+        assert!((places[6] - 0.5 - 0.5 * 4.0_f64.ln_1p() / 4.5_f64.ln_1p()).abs() < 1e-12, "{places:?}");
     }
 
     #[test]

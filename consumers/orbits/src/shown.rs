@@ -279,6 +279,9 @@ pub fn place(orbit: &Orbit) -> Option<&'static str> {
     let bands = UnitCell::of(&linear)?.bands_hz();
     let frequency_hz = 1.0 / orbit.period_s();
     let highest_hz = bands.iter().map(|band| band[1]).fold(0.0, f64::max);
+    if highest_hz == 0.0 {
+        return None;
+    }
     let lowest_hz = bands.iter().map(|band| band[0]).fold(f64::INFINITY, f64::min);
     Some(match UnitCell::carries(&bands, frequency_hz) {
         true => "in a band of linear waves",

@@ -246,10 +246,11 @@ pub fn trajectories(
     Figure::new().shared_x().caption(caption(manifest)).panel(displacement).panel(velocity)
 }
 
-/// The times (ms) from a little before the first event to the end, or all of them.
+/// The times (ms) from a little before the first event to the end, or all of them: where the first event is a turn, motion came before it.
 fn shown_ms(motions: &[Series<{ Motion::QUANTITIES.len() }>], events: &[Event]) -> (f64, f64) {
     let Some((first_s, last_s)) = motions.first().and_then(Series::span_s) else { return (0.0, 1.0) };
-    let begin_s = events.first().map_or(first_s, |event| event.time_s - 0.04 * (last_s - event.time_s));
+    let first = events.first().filter(|event| event.kind != EventKind::Turns);
+    let begin_s = first.map_or(first_s, |event| event.time_s - 0.04 * (last_s - event.time_s));
     (if begin_s > first_s { begin_s } else { first_s } * 1e3, last_s * 1e3)
 }
 

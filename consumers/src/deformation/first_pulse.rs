@@ -21,6 +21,8 @@ const RISE: f64 = 0.01;
 pub struct FirstPulse {
     closed_m: f64,
     counted_m: f64,
+    /// True of a bond: what stretches it is no gap.
+    is_bond: bool,
     phase: Phase,
     /// The sample before the pulse, then those of the pulse.
     samples: Vec<Sample>,
@@ -45,17 +47,20 @@ enum Phase {
     After { another: bool },
     /// Frames of the pulse are missing.
     Broken,
+    /// A bond was stretched before a pulse pressed it.
+    Stretched,
 }
 
 impl FirstPulse {
     /// The largest number of samples kept: beyond it every second one is dropped.
     pub const CAPACITY: usize = 1 << 15;
 
-    /// Waits for a pulse, with the collision length `length_m` (m).
-    pub fn new(length_m: f64) -> Self {
+    /// Waits for a pulse, with the collision length `length_m` (m), at a contact or a bond.
+    pub fn new(length_m: f64, is_bond: bool) -> Self {
         Self {
             closed_m: CLOSED * length_m,
             counted_m: COUNTED * length_m,
+            is_bond,
             phase: Phase::Blind,
             samples: Vec::new(),
             stride: 1,
@@ -71,6 +76,9 @@ impl FirstPulse {
         let closed = sample.overlap_m > self.closed_m;
         match self.phase {
             Phase::Blind if closed => self.phase = Phase::Broken,
+            Phase::Blind | Phase::Before if self.is_bond && -sample.overlap_m > self.counted_m => {
+                self.phase = Phase::Stretched;
+            }
             Phase::Blind | Phase::Before if !closed => {
                 self.phase = Phase::Before;
                 self.samples.clear();
@@ -87,7 +95,7 @@ impl FirstPulse {
                 self.later_count += u64::from(begins);
                 self.phase = Phase::After { another: closed && (another || begins) };
             }
-            Phase::Broken => {}
+            Phase::Broken | Phase::Stretched => {}
         }
     }
 
@@ -96,7 +104,7 @@ impl FirstPulse {
         self.phase = match self.phase {
             Phase::Blind | Phase::Before => Phase::Blind,
             Phase::During | Phase::Broken => Phase::Broken,
-            after @ Phase::After { .. } => after,
+            told @ (Phase::After { .. } | Phase::Stretched) => told,
         };
     }
 
@@ -104,7 +112,7 @@ impl FirstPulse {
     pub fn samples(&self) -> &[Sample] {
         match self.phase {
             Phase::During | Phase::After { .. } => &self.samples,
-            Phase::Blind | Phase::Before | Phase::Broken => &[],
+            Phase::Blind | Phase::Before | Phase::Broken | Phase::Stretched => &[],
         }
     }
 
@@ -122,6 +130,7 @@ impl FirstPulse {
             Phase::Blind | Phase::Before => Err(Untold::NoPulse),
             Phase::During => Err(Untold::Unfinished),
             Phase::Broken => Err(Untold::Gap),
+            Phase::Stretched => Err(Untold::Stretched),
             Phase::After { .. } => curve::shape(&self.samples, force),
         }
     }
@@ -156,7 +165,7 @@ impl FirstPulse {
             return;
         }
         let length_m = self.closed_m / CLOSED;
-        *self = Self { phase: Phase::Before, samples: vec![sample], ..Self::new(length_m) };
+        *self = Self { phase: Phase::Before, samples: vec![sample], ..Self::new(length_m, self.is_bond) };
     }
 
     fn keep(&mut self, sample: Sample) {
@@ -191,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_train_is_cut_where_the_overlap_is_smallest() {
-        let mut pulse = FirstPulse::new(1.0);
+        let mut pulse = FirstPulse::new(1.0, false);
         push_all(&mut pulse, [0.0, 0.5, 2.0, 1.5, 0.6, 0.5, 0.505, 0.6, 1.0, 0.0, 0.0, 0.3, 0.0]);
         let overlaps: Vec<_> = pulse.samples().iter().map(|sample| sample.overlap_m).collect();
         assert_eq!(overlaps, [0.0, 0.5, 2.0, 1.5, 0.6, 0.5]);
@@ -200,7 +209,7 @@ mod tests {
 
     #[test]
     fn what_hardly_closes_a_contact_is_no_pulse() {
-        let mut pulse = FirstPulse::new(1.0);
+        let mut pulse = FirstPulse::new(1.0, false);
         push_all(&mut pulse, [0.0, 2e-9, 5e-8, 0.0, 1e-10, 0.3, 0.0, 3e-8, 0.0]);
         let overlaps: Vec<_> = pulse.samples().iter().map(|sample| sample.overlap_m).collect();
         assert_eq!((overlaps, pulse.later_count()), (vec![1e-10, 0.3, 0.0], 0));
@@ -209,7 +218,7 @@ mod tests {
     #[test]
     fn what_was_not_seen_whole_is_not_told() {
         let told = |pulse: &FirstPulse| pulse.shape(|_| 0.0).map(|_| ());
-        let mut pulse = FirstPulse::new(1.0);
+        let mut pulse = FirstPulse::new(1.0, false);
         assert_eq!(told(&pulse), Err(Untold::NoPulse));
         push_all(&mut pulse, [0.0, 1.0]);
         assert_eq!(told(&pulse), Err(Untold::Unfinished));
@@ -217,14 +226,24 @@ mod tests {
         push_all(&mut pulse, [0.5, 0.0]);
         assert_eq!(told(&pulse), Err(Untold::Gap));
         // attached while it passes
-        let mut pulse = FirstPulse::new(1.0);
+        let mut pulse = FirstPulse::new(1.0, false);
         push_all(&mut pulse, [1.0, 0.0, 0.0]);
         assert_eq!(told(&pulse), Err(Untold::Gap));
     }
 
     #[test]
+    fn a_bond_that_is_stretched_first_has_no_first_pulse() {
+        let mut pulse = FirstPulse::new(1.0, true);
+        push_all(&mut pulse, [0.0, -1e-9, -0.5, 0.0, 0.3, 0.0]);
+        assert_eq!((pulse.shape(|_| 0.0), pulse.samples()), (Err(Untold::Stretched), &[][..]));
+        let mut pulse = FirstPulse::new(1.0, true);
+        push_all(&mut pulse, [0.0, -1e-9, 0.1, 0.5, 0.1, 0.0, -0.5]);
+        assert_eq!(pulse.samples().len(), 5);
+    }
+
+    #[test]
     fn memory_is_bounded() {
-        let mut pulse = FirstPulse::new(1.0);
+        let mut pulse = FirstPulse::new(1.0, false);
         push_all(&mut pulse, [0.0]);
         push_all(&mut pulse, (0..200_000_u32).map(|i| 1.0 + f64::from(i)));
         assert!(pulse.samples().len() <= FirstPulse::CAPACITY);

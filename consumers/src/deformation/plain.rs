@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Finds where the theories of equal beads do not hold.
 #[derive(Debug, Clone)]
-pub(crate) struct Plain {
+pub struct Plain {
     /// Beads that something acts on from outside, and what that is.
     outside: Vec<(Range<usize>, &'static str)>,
     /// True if what takes energy counts: it makes another shape, and a wave of the same law that becomes weaker.
@@ -15,7 +15,8 @@ pub(crate) struct Plain {
 }
 
 impl Plain {
-    pub(crate) fn of(physics: &Physics, is_lossless: bool) -> Self {
+    /// Gathers the drives and baths of `physics`; what takes energy counts if `is_lossless`.
+    pub fn of(physics: &Physics, is_lossless: bool) -> Self {
         let number = |bead: u64| usize::try_from(bead).unwrap_or(usize::MAX - 1);
         let driven = physics.drives.iter().map(|drive| match drive.at {
             Place::Wall(Side::Left) => 0,
@@ -35,7 +36,7 @@ impl Plain {
     ///
     /// # Errors
     /// With what is there that no theory has.
-    pub(crate) fn check(
+    pub fn check(
         &self,
         chain: &Chain,
         beads: &(impl Iterator<Item = usize> + Clone),
@@ -65,6 +66,30 @@ impl Plain {
             None => Ok(()),
         }
     }
+}
+
+/// Beads slower than this part of L/T rest, as beside a wave that a run begins with.
+const REST: f64 = 1e-3;
+
+/// The velocity (m/s) that at least half of the beads begin with; none if there is no such velocity.
+pub(crate) fn common_velocity_m_s(physics: &Physics) -> Option<f64> {
+    let (_, mut v_m_s) = physics.initial_state();
+    let count = v_m_s.len();
+    let rest_m_s = REST * physics.scales().speed_m_s();
+    let [low, high] = [count / 4, 3 * count / 4].map(|rank| {
+        let v = *v_m_s.select_nth_unstable_by(rank, f64::total_cmp).1;
+        if v.abs() > rest_m_s { v } else { 0.0 }
+    });
+    (low == high).then_some(low)
+}
+
+/// The beads that are struck, or begin with another velocity than most.
+pub(super) fn beads_in_motion(physics: &Physics) -> Vec<usize> {
+    let (_, v_m_s) = physics.initial_state();
+    let common_m_s = common_velocity_m_s(physics).unwrap_or(0.0);
+    let rest_m_s = REST * physics.scales().speed_m_s();
+    let moves = |bead: &usize| (v_m_s[*bead] - common_m_s).abs() > rest_m_s;
+    (0..v_m_s.len()).filter(moves).collect()
 }
 
 /// Stiffness (N·m^−α) of a contact, by the law of the chain alone; contact N − 1 closes a ring.

@@ -183,8 +183,8 @@ impl Control {
         let counts = |number: usize, bead: &Bead| {
             let rise = &bead.unexplained;
             let matters = if around.is_uneven(number) { MATTERS_UNEVEN } else { MATTERS };
-            // in a chain without load beads move where the pulse goes
-            let along = around.loaded || rise.v_m_s * direction.sign() as f64 > 0.0;
+            // where nothing pulls beads move where the pulse goes
+            let along = around.pulls || rise.v_m_s * direction.sign() as f64 > 0.0;
             let least_m_s = (ABOVE_THRESHOLD * self.threshold_m_s).max(matters * bead.largest_m_s);
             along && rise.by_m_s > least_m_s
         };

@@ -154,8 +154,11 @@ impl Surroundings {
         /// From the first motion to the first crest of the Airy function, in its units, and some more.
         const AIRY: f64 = 8.0;
         let way = bead.max(self.chain.bead_count() - bead) as f64;
-        let spread =
-            if self.loaded || self.chain.law.alpha() < 1.05 { AIRY * (0.5 * way).cbrt() } else { 0.0 };
+        let spread = if self.chain.is_loaded() || self.chain.law.alpha() < 1.05 {
+            AIRY * (0.5 * way).cbrt()
+        } else {
+            0.0
+        };
         usize::try_from(self.reach.coast + 8 + nearest(spread)).unwrap_or_default()
     }
 }

@@ -5,7 +5,7 @@ use super::origins::Origins;
 use super::texture::Texture;
 use super::track::{Measured, REACH, Track};
 use super::{Obstacles, nearest, signed};
-use crate::deformation::Plain;
+use crate::deformation::{Plain, common_velocity_m_s};
 use crate::theory::{Coefficients, SolitaryWave, Strength};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
@@ -18,13 +18,15 @@ pub(super) struct Surroundings {
     pub(super) obstacles: Obstacles,
     /// Differences between beads, in a chain that is not even.
     pub(super) texture: Option<Texture>,
-    /// Nothing pulls in a chain that is not loaded: its pulses move the way their beads do.
-    pub(super) loaded: bool,
+    /// Where contacts neither bind nor are loaded nothing pulls: pulses move the way their beads do.
+    pub(super) pulls: bool,
+    /// The velocity (m/s) that velocities count from: that of most beads at step 0.
+    pub(super) drift_m_s: f64,
     pub(super) reach: Reach,
     /// The makers of pulses.
     pub(super) origins: Origins,
     plain: Plain,
-    /// The exact solitary wave, where there is one.
+    /// The exact solitary wave, where there is one, of beads that rest before it comes.
     wave: Option<Coefficients>,
 }
 
@@ -44,15 +46,17 @@ pub(super) struct Reach {
 impl Surroundings {
     pub(super) fn of(manifest: &RunManifest) -> Self {
         let chain = manifest.physics.chain();
+        let drift_m_s = common_velocity_m_s(&manifest.physics);
         let wave = SolitaryWave::coefficients_of(manifest.physics.alpha).ok();
         Self {
             obstacles: Obstacles::of(&chain),
             texture: Texture::of(&chain),
-            loaded: chain.is_loaded(),
+            pulls: chain.is_loaded() || chain.is_bonded,
+            drift_m_s: drift_m_s.unwrap_or(0.0),
             reach: Reach::of(wave.as_ref()),
             origins: Origins::of(&manifest.physics),
             plain: Plain::of(&manifest.physics, false),
-            wave,
+            wave: wave.filter(|_| drift_m_s.is_some()),
             chain,
         }
     }
@@ -67,9 +71,9 @@ impl Surroundings {
         self.texture.as_ref().is_none_or(|texture| texture.carries(bead))
     }
 
-    /// True if `bead` is pressed from both sides. Beads that are not alike are not all pressed at a time.
+    /// True if `bead` is pressed from both sides. Beads that are not alike are not all pressed at a time. Bonds hold it always.
     pub(super) fn is_pressed(&self, frame: &Frame<'_>, bead: usize) -> bool {
-        let pressed = |contact: usize| self.chain.overlap_m(frame.u_m, contact) > 0.0;
+        let pressed = |contact: usize| self.chain.is_bonded || self.chain.overlap_m(frame.u_m, contact) > 0.0;
         let inner = bead > 0 && bead + 1 < self.chain.bead_count();
         match &self.texture {
             Some(texture) if texture.is_uneven(bead) => inner && texture.contacts(bead).any(pressed),
@@ -95,8 +99,8 @@ impl Surroundings {
         if self.obstacles.ahead(bead, ahead).0 < self.reach.free {
             return false;
         }
-        if self.is_uneven(usize::try_from(bead).unwrap_or_default()) {
-            // there are gaps in every pulse
+        if self.chain.is_bonded || self.is_uneven(usize::try_from(bead).unwrap_or_default()) {
+            // bonds have no gaps, and there are some in every uneven pulse
             return true;
         }
         let widest_m = DELAY * v_m_s.abs() / speed;
@@ -149,7 +153,8 @@ impl Surroundings {
     }
 
     /// Speed and width over those of the exact solitary wave of the same peak velocity, in a chain that is
-    /// even there and not loaded, without resonators and drives. Damping makes a pulse weaker, not another one.
+    /// even there and not loaded, without resonators and drives, and whose beads began with one velocity. Damping makes a
+    /// pulse weaker, not another one.
     pub(super) fn beside_theory(&self, measured: &Measured) -> (Option<f64>, Option<f64>) {
         let point = &measured.point;
         let bead = usize::try_from(point.bead).unwrap_or_default();
@@ -157,7 +162,7 @@ impl Surroundings {
         let (mass_kg, stiffness) = (self.chain.mass_kg[bead], self.chain.stiffness[around.start]);
         let contacts = around.start..around.end - 1;
         let plain = self.plain.check(&self.chain, &around, &contacts).is_ok();
-        let Some(wave) = self.wave.filter(|_| plain && !self.loaded) else { return (None, None) };
+        let Some(wave) = self.wave.filter(|_| plain && !self.pulls) else { return (None, None) };
         let strength = Strength::PeakVelocity { m_s: point.v_peak_m_s.abs() };
         let scale = wave.scaled(mass_kg, stiffness, strength).ok();
         let speed = point.speed_beads_per_s.zip(scale).map(|(speed, scale)| speed / scale.speed_beads_per_s);

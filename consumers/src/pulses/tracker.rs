@@ -102,6 +102,21 @@ impl Pulses {
 
     /// Looks at the next frame.
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[Happening] {
+        let drift_m_s = self.drift_m_s();
+        if drift_m_s == 0.0 {
+            return self.look(frame);
+        }
+        let v_m_s: Vec<f64> = frame.v_m_s.iter().map(|v| v - drift_m_s).collect();
+        self.look(&Frame { v_m_s: &v_m_s, active: None, ..*frame })
+    }
+
+    /// The velocity (m/s) that all velocities, momenta and energies count from: the one that at least half of the beads
+    /// begin with, 0 if there is none.
+    pub fn drift_m_s(&self) -> f64 {
+        self.around.drift_m_s
+    }
+
+    fn look(&mut self, frame: &Frame<'_>) -> &[Happening] {
         self.happenings.clear();
         if let Some(last) = self.last_step.replace(frame.step) {
             let interval = frame.step.saturating_sub(last);
@@ -216,7 +231,7 @@ impl Pulses {
     /// Adds a crest to the track that it fits best, or begins one.
     fn follow(&mut self, frame: &Frame<'_>, bead: i64, crest: &Crest) {
         let longest_s = self.around.longest_step_s(bead, crest.v_m_s);
-        let ahead = if self.around.loaded {
+        let ahead = if self.around.pulls {
             0
         } else if crest.v_m_s > 0.0 {
             1

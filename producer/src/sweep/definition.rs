@@ -336,7 +336,7 @@ impl Reader<'_> {
             return Ok(from_s);
         }
         let start = value.map_or(0, |value| value.span().start);
-        Err(self.refuse(start, key, format!("found {from_s}; allowed: {allowed}")))
+        Err(self.refuse(start, key, format!("found {from_s:?}; allowed: {allowed}")))
     }
 
     /// The `[base]` table over the preset or the file that it names.
@@ -412,6 +412,10 @@ impl Reader<'_> {
         for (key, value) in entries {
             let name = format!("{prefix}{}", key.get_ref());
             match value.get_ref() {
+                DeValue::Table(inner) if inner.is_empty() => {
+                    let message = "found an empty table; allowed: values".to_owned();
+                    return Err(self.refuse(key.span().start, &name, message));
+                }
                 DeValue::Table(inner) if !inner.contains_key("from") && !inner.contains_key("to") => {
                     self.entries(&format!("{name}."), inner, found)?;
                 }

@@ -139,6 +139,8 @@ fn mistakes_have_file_line_and_key() {
     refuses(&grid("\"chain.alpa\" = [1.5]"), 4, &["chain.alpa", "alpha"]);
     refuses(&grid("chain.alpha = [1.5, \"x\"]"), 4, &["chain.alpha", "point 1"]);
     refuses(&grid("chain.alpha = []"), 4, &["chain.alpha", "list"]);
+    refuses(&grid("chain.alpha = {}"), 4, &["chain.alpha", "empty table"]);
+    refuses(&grid("chain.alpha = [1.5]\nload = {}"), 5, &["load", "empty table"]);
     refuses(&grid("chain.alpha = { from = 1.0, to = 2.0 }"), 4, &["chain.alpha", "count"]);
     refuses(&grid("\"chain.impurities[0].mass_kg\" = [1e-3]"), 4, &["has 0 entries"]);
     refuses(&grid("chain.alpha = [1.5]\n\"chain.alpha\" = [2]"), 5, &["chain.alpha", "twice"]);
@@ -241,6 +243,11 @@ fn many_points_are_begun_at_once() {
         "[[case]]\n[[case]]\ndisorder = [{ of = \"masses\", uniform = 0.1 }]\n",
     );
     assert!(read(&seeds(&of_case)).is_ok());
+    let last = |text: &str| text.replace("from = 5, count = 2500", "from = 9223372036854775807, count = 1");
+    assert_eq!(
+        read(&last(&seeds(text))).expect("valid").point(0).expect("possible").config.seed,
+        u64::MAX >> 1
+    );
     let other = read(&seeds(&text.replace("to = 2e-3", "to = 2.1e-3"))).expect("valid");
     assert_ne!(other.identity(), sweep.identity());
 }

@@ -184,7 +184,7 @@ fn whole_gap(from: i64, to: i64, count: u64) -> Result<i128, String> {
     let gaps = i128::from(count) - 1;
     if width % gaps != 0 {
         return Err(format!(
-            "{count} values from {from} to {to} are no whole numbers; change the count, or write {from}.0"
+            "{count} values from {from} to {to} are no whole numbers; change the count, or write {from}.0 for a key that takes others"
         ));
     }
     Ok(width / gaps)

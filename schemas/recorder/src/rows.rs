@@ -258,7 +258,7 @@ impl<'a> TopicRows<'a> {
                 Some(ResultReceived::End(reason)) => {
                     subscriber = None;
                     if reason == EndReason::ProducerLost && self.tally.count > 0 {
-                        return Err("the process that published them is gone without a word".to_owned());
+                        return Err("their publisher left without a word about their end".to_owned());
                     }
                 }
                 None => {}
@@ -285,7 +285,10 @@ impl<'a> TopicRows<'a> {
         if self.tally.count == 0 {
             return Ok(true);
         }
-        Err(format!("no row came for {} s", end.patience.as_secs()))
+        Err(match end.patience.as_secs() {
+            0 => "the recording ended before the rows of its last frames came".to_owned(),
+            waited => format!("no row came for {waited} s"),
+        })
     }
 
     fn take(&mut self, row: &Row<'_>) -> Result<(), String> {

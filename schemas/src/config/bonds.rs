@@ -81,10 +81,18 @@ impl Bonds {
         acts(Holds::None).into_iter().zip(acts(Holds::All)).any(|(pulls, is_held)| pulls && !is_held)
     }
 
-    /// The stiffness of the scales: the largest of the law with a slope at rest, or else of the first one.
-    pub fn scale(&self) -> f64 {
-        let slope = self.laws().find(|bond| bond.form.is_slope).or_else(|| self.laws().next());
-        slope.map_or(f64::NAN, |bond| bond.stiffness.largest())
+    /// No mass, and the exponent and the stiffness of the scales: those of a law with a slope at rest, or else of the power that holds all
+    /// pulls.
+    pub(crate) fn scales(&self) -> [f64; 3] {
+        let acting = |is: fn(&BondForm) -> bool| {
+            self.laws().find(|bond| is(bond.form) && bond.stiffness.largest() > 0.0)
+        };
+        let holds_all = |form: &BondForm| form.holds == Holds::All;
+        let found = acting(|form| form.is_slope).or_else(|| acting(holds_all));
+        found.or_else(|| self.laws().next()).map_or([f64::NAN; 3], |bond| {
+            let alpha = if holds_all(bond.form) { bond.law.named().1 } else { 1.0 };
+            [f64::NAN, alpha, bond.stiffness.largest()]
+        })
     }
 
     /// The refusal of bonds that do not hold.
@@ -234,6 +242,8 @@ impl<'de> Visitor<'de> for Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::RunConfig;
+    use crate::manifest::Physics;
 
     #[test]
     fn bonds_are_written_in_their_order_and_read_back() {
@@ -245,6 +255,31 @@ mod tests {
             let bonds: Bonds = serde_json::from_str(written).expect("bonds");
             assert_eq!(serde_json::to_string(&bonds).expect("JSON"), text);
         }
+    }
+
+    /// `L = (m·v0²/k)^(1/4)` and the step of a cubic force alone follow its stiffness; a linear part gives `L = v0·√(m/k)`.
+    #[test]
+    fn scales_are_those_of_the_law_that_acts_at_rest() {
+        let physics = |bonds: &str| {
+            let text = format!(
+                "[chain]\nbeads = 10\nbead_mass_kg = 1.0\nbonds = {bonds}\n[striker]\nbead = 0\nvelocity_m_s = 5.0\n\
+                 [time]\nduration_s = 1.0\n"
+            );
+            Physics::resolve(&RunConfig::from_toml(&text).expect("a configuration")).expect("a run")
+        };
+        for (bonds, length_m) in [
+            ("{ cubic = 1e8 }", 25e-8_f64.powf(0.25)),
+            ("{ linear = 0.0, quadratic = -1.0, cubic = 1e12 }", 25e-12_f64.powf(0.25)),
+            ("{ linear = 4.0, cubic = 1e8 }", 2.5),
+        ] {
+            assert!((physics(bonds).scales().length_m / length_m - 1.0).abs() < 1e-13, "{bonds}");
+        }
+        // with 16 times the stiffness the same motion has half the length, and takes half the time
+        let steps = ["{ cubic = 1.0 }", "{ cubic = 16.0 }"].map(|bonds| physics(bonds).usual_step().0);
+        assert!((steps[0] / steps[1] - 2.0).abs() < 1e-12, "{steps:?}");
+        // a weak linear part, along which the speed alone would lead far, leaves that step
+        let weak = physics("{ linear = 1e-6, cubic = 1.0 }").usual_step().0;
+        assert!(weak > 0.5 * steps[0] && weak <= steps[0], "{weak} {steps:?}");
     }
 
     #[test]

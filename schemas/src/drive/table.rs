@@ -28,7 +28,7 @@ pub enum Interpolation {
 }
 
 /// Reads a table from text with a time (s) and a value in each row, separated by a comma, semicolon, tab or spaces. It skips empty
-/// lines, comments after a `#`, and a first row that is not numbers.
+/// lines, comments after a `#`, and a first row without any number.
 ///
 /// ```
 /// let table = schemas::drive::table_from_csv("t_s,force_n\n0,0 # at rest\n1e-3,2.5\n")?;
@@ -43,18 +43,21 @@ pub fn table_from_csv(text: &str) -> Result<Table, String> {
     let mut may_be_header = true;
     for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
         let row = line.split('#').next().unwrap_or_default();
-        let is_between = |c: char| c == ',' || c == ';' || c.is_whitespace();
-        let fields: Vec<&str> = row.split(is_between).filter(|field| !field.is_empty()).collect();
-        if fields.is_empty() {
+        let row = row.trim_end_matches(|c: char| c == ',' || c == ';' || c.is_whitespace());
+        if row.is_empty() {
             continue;
         }
-        let numbers: Result<Vec<f64>, _> = fields.iter().map(|field| field.parse()).collect();
-        match numbers.as_deref() {
-            Ok(&[time, value]) => {
+        let fields: Vec<&str> = match row.chars().find(|c| [',', ';'].contains(c)) {
+            Some(separator) => row.split(separator).map(str::trim).collect(),
+            None => row.split_whitespace().collect(),
+        };
+        let numbers: Vec<Option<f64>> = fields.iter().map(|field| field.parse().ok()).collect();
+        match numbers[..] {
+            [Some(time), Some(value)] => {
                 table.times_s.push(time);
                 table.values.push(value);
             }
-            Err(_) if may_be_header => {}
+            _ if may_be_header && numbers.iter().all(Option::is_none) => {}
             _ => {
                 return Err(format!(
                     "line {number}: found {:?}; allowed: two numbers, a time (s) and a value",

@@ -204,6 +204,10 @@ fn tables_are_read_from_text() {
         ("t,x\nt,x\n", "line 2"),
         ("0,1,2\n", "line 1"),
         ("t,x\n0,1\n", "found 1 rows"),
+        ("O,5\n1,1\n2,1\n", "line 1: found \"O,5\""),
+        ("0,0x1\n1,1\n2,1\n", "line 1"),
+        (",5\n1,1\n2,1\n", "line 1"),
+        ("t,,x\n0,,1\n1,,1\n", "line 2"),
     ] {
         let error = table_from_csv(text).expect_err(text);
         assert!(error.contains(expected), "{text}: {error}");

@@ -17,7 +17,7 @@ impl Law for Spring {
                     words: "linear",
                     parameter: None,
                     has_either_sign: false,
-                    allowed: "stiffnesses of 0 or more",
+                    allowed: "stiffnesses of 0, or 1e-100 to 1e100",
                     is_slope: true,
                     holds: Holds::Weak,
                     law: |_| TermLaw::Spring(Spring(1)),
@@ -27,7 +27,7 @@ impl Law for Spring {
                     words: "quadratic (FPUT-α)",
                     parameter: None,
                     has_either_sign: true,
-                    allowed: "numbers up to 1e100",
+                    allowed: "0, or 1e-100 to 1e100 of either sign",
                     is_slope: false,
                     holds: Holds::None,
                     law: |_| TermLaw::Spring(Spring(2)),
@@ -37,7 +37,7 @@ impl Law for Spring {
                     words: "cubic (FPUT-β)",
                     parameter: None,
                     has_either_sign: false,
-                    allowed: "0 or more: else the bond would break away",
+                    allowed: "0, or 1e-100 to 1e100: with less than 0 the bond would break away",
                     is_slope: false,
                     holds: Holds::All,
                     law: |_| TermLaw::Spring(Spring(3)),
@@ -75,6 +75,12 @@ impl Law for Spring {
             2 => stiffness * (a * a) * (rest_m + a / 3.0),
             _ => stiffness * (a * a) * ((1.5 * (rest_m * rest_m) + rest_m * a) + 0.25 * (a * a)),
         }
+    }
+
+    /// The energy of a cubic bond is at least `k·a⁴/12` for the approach `a`, whatever its rest overlap.
+    fn tangent_by_energy(&self, stiffness: f64, rest_m: f64, energy_j: f64) -> Option<f64> {
+        let approach_m = if stiffness > 0.0 { (12.0 * energy_j / stiffness).sqrt().sqrt() } else { 0.0 };
+        (self.0 == 3).then(|| self.tangent(stiffness, rest_m.abs() + approach_m))
     }
 }
 

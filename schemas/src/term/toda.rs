@@ -23,7 +23,7 @@ impl Law for Toda {
                 words: "Toda",
                 parameter: Some(("steepness_per_m", "1/m")),
                 has_either_sign: false,
-                allowed: "stiffnesses of 0 or more",
+                allowed: "stiffnesses of 0, or 1e-100 to 1e100",
                 is_slope: true,
                 holds: Holds::Weak,
                 law: |steepness_per_m| TermLaw::Toda(Toda(steepness_per_m)),
@@ -54,7 +54,8 @@ impl Law for Toda {
 
     /// With `x = b·a` for the approach `a`, and `e = energy·b²/at_rest`, `exp(x) − 1 − x = e`, so that `x ≤ √(2·e)` and
     /// `exp(x) ≤ 1 + e + √(2·e)`: it grows with the energy, not with the exponential of a speed.
-    fn tangent_by_energy(&self, at_rest: f64, energy_j: f64) -> Option<f64> {
+    fn tangent_by_energy(&self, stiffness: f64, rest_m: f64, energy_j: f64) -> Option<f64> {
+        let at_rest = self.tangent(stiffness, rest_m);
         if at_rest == 0.0 {
             return Some(0.0);
         }

@@ -38,7 +38,7 @@ pub(super) fn ls(place: &Path, as_json: bool, names_only: bool) -> Result<Done, 
     tell_skipped(&skipped, skipped_count);
     let paths: Vec<_> = entries.into_iter().map(|entry| entry.path).collect();
     if names_only {
-        paths.iter().try_for_each(|path| display::print(format_args!("{}\n", path.display())))?;
+        paths.iter().try_for_each(|path| display::print(format_args!("{}\n", in_a_line(path))))?;
         return Ok(Done::whole_if(skipped_count == 0));
     }
     let found = summaries(&paths.iter().map(PathBuf::as_path).collect::<Vec<_>>());
@@ -138,12 +138,17 @@ fn state(info: &RecordingInfo) -> String {
     }
 }
 
+/// A path in one line, whatever is in it.
+fn in_a_line(path: &Path) -> String {
+    path.display().to_string().replace('\n', "\\n")
+}
+
 fn cells(path: &Path, found: &Glanced, place: &Path) -> [String; COLUMNS.len()] {
     let shown = path.strip_prefix(place).ok().filter(|path| !path.as_os_str().is_empty()).unwrap_or(path);
     let Ok(info) = found else {
         // the reason, which is longer than a row, is told beside the table
         let mut cells = [const { String::new() }; COLUMNS.len()];
-        (cells[0], cells[COLUMNS.len() - 1]) = (shown.display().to_string(), "cannot be read".to_owned());
+        (cells[0], cells[COLUMNS.len() - 1]) = (in_a_line(shown), "cannot be read".to_owned());
         return cells;
     };
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
@@ -158,7 +163,7 @@ fn cells(path: &Path, found: &Glanced, place: &Path) -> [String; COLUMNS.len()] 
         every => format!("every {}", counted(every, "step")),
     };
     [
-        shown.display().to_string(),
+        in_a_line(shown),
         provenance.name.to_string(),
         count(physics.beads).to_string(),
         steps,
@@ -172,11 +177,11 @@ fn cells(path: &Path, found: &Glanced, place: &Path) -> [String; COLUMNS.len()] 
 fn to_json(path: &Path, found: &Glanced) -> serde_json::Value {
     let info = match found {
         Ok(info) => info,
-        Err(why) => return json!({ "path": path, "error": why }),
+        Err(why) => return json!({ "path": path.to_string_lossy(), "error": why }),
     };
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     json!({
-        "path": info.path,
+        "path": info.path.to_string_lossy(),
         "name": provenance.name,
         "run_id": provenance.run_id,
         "beads": physics.beads,

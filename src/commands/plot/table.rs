@@ -54,7 +54,7 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
     let log = ["x", "y"].into_iter().zip(choice.log).filter(|(_, is_log)| *is_log).map(|(axis, _)| axis);
     let log: Vec<&str> = log.collect();
     let outcome = json!({
-        "table": path,
+        "table": path.to_string_lossy(),
         "rows": columns.row_count(),
         "x": choice.x,
         "y": choice.y,
@@ -72,7 +72,7 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
             "to": fit.ends[1],
         })).collect::<Vec<_>>(),
         "left_out": gaps,
-        "figures": [&out],
+        "figures": [out.to_string_lossy()],
     });
     report(args.frames.json, &outcome, || {
         let mut rows = Rows::default();
@@ -99,6 +99,12 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
             format!("{}: {}", of.collect::<Vec<_>>().join(", "), fit.words())
         };
         rows.each("exponent", fits.iter().map(exponent));
+        if choice.x == "time_s" && !fits.is_empty() {
+            rows.add(
+                "",
+                "its error takes the times of a run for independent, and is too small where they are not",
+            );
+        }
         let left_out = gaps.iter().filter_map(|gaps| Some(format!("{}: {}", gaps.column, gaps.words()?)));
         rows.each("left out", left_out);
         rows.add("figure", out.display());

@@ -140,7 +140,7 @@ impl Summary {
         json!({
             "run": self.run.as_ref().map(|(name, _)| name),
             "run_id": self.run.as_ref().map(|(_, id)| id),
-            "path": args.file,
+            "path": args.file.to_string_lossy(),
             "end": display::end_word(self.reason, self.ended_as_asked),
             "loops": self.loops(),
             "jumps": self.seek_count,

@@ -15,9 +15,9 @@ const NAMED: usize = 5;
 pub(super) fn slurm(sweep: &Sweep, out: &Path, args: &SweepArgs) -> Result<Done, Failure> {
     let array = job_array(sweep, out, &args.slurm, (args.record, args.force))?;
     report(args.json, &array, || {
-        let script = array.script.display();
+        let script = &array.script;
         let mut rows = Rows::default();
-        rows.add("script", &script);
+        rows.add("script", script);
         rows.add("points", count(sweep.point_count()));
         rows.add(
             "tasks",

@@ -3,6 +3,7 @@
 mod energies;
 mod remade;
 
+use crate::display::counted;
 use crate::failure::{BadInput, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use energies::EnergyRows;
@@ -96,7 +97,7 @@ pub(crate) fn check(
     for (topic, rows) in &found.rows {
         let not_checked = |why: String| RowsChecked {
             topic: topic.clone(),
-            not_checked: vec![format!("{} rows of `{topic}`, {why}", rows.count)],
+            not_checked: vec![format!("{} of `{topic}`, {why}", counted(rows.count, "row"))],
             ..RowsChecked::default()
         };
         if let Some(other) = &found.other_kernel {
@@ -239,16 +240,14 @@ impl Reader {
         }
         let topic = &self.found.topic;
         if self.found.unknown_count > 0 {
-            let count = self.found.unknown_count;
+            let rows = counted(self.found.unknown_count, "row");
             let why =
                 "they depend on frames before them that are not here, or on a threshold that is not told";
-            self.found.not_checked.push(format!("{count} rows of `{topic}`: {why}"));
+            self.found.not_checked.push(format!("{rows} of `{topic}`: {why}"));
         }
         if self.stateless_count > 0 {
-            let count = self.stateless_count;
-            self.found
-                .not_checked
-                .push(format!("{count} rows of `{topic}`: of frames before or after the states"));
+            let rows = counted(self.stateless_count, "row");
+            self.found.not_checked.push(format!("{rows} of `{topic}`: of frames before or after the states"));
         }
     }
 }

@@ -9,6 +9,8 @@ use waves::sampling::{Sampling, Take};
 
 /// Most samples of the longest lag, if it is told and if not. Each takes 1 kB.
 const MOST_LAGS: [u64; 2] = [1 << 18, 1 << 14];
+/// Fewest windows: the square of the mean over one is as large as what it has to tell.
+const FEWEST_WINDOWS: u64 = 2;
 
 /// Sums for `κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²)`, with the current J of n contacts and the temperature T (J): the autocorrelation of windows of the run, and its integral, by trapezia.
 pub(super) struct GreenKubo {
@@ -81,11 +83,13 @@ impl GreenKubo {
         self.blocks.push(products.iter().copied().chain([0.0]).chain(integrals).chain([mean]));
     }
 
-    /// Refuses a lag that takes too much memory, or is longer than the time that was looked at, once samples have come.
+    /// Refuses a lag that takes too much memory, or is too long for the time that was looked at, once samples have come.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let lags = self.lags(0);
-        if let Some(lag_s) = self.lag_s.filter(|_| self.windows.is_some() && self.blocks.frames() == 0) {
-            let why = "longer than the frames in one piece; allowed: a part of the time that is looked at, such as a twentieth";
+        if let Some(lag_s) =
+            self.lag_s.filter(|_| self.windows.is_some() && self.blocks.frames() < FEWEST_WINDOWS)
+        {
+            let why = "too long for the frames in one piece; allowed: at most a third of the time that is looked at, such as a twentieth";
             return Err(Refusal::of("lag", lag_s.to_string(), why.to_owned()));
         }
         if lags <= MOST_LAGS[0] {
@@ -95,21 +99,29 @@ impl GreenKubo {
         Err(Refusal::of("lag", self.lag_s.unwrap_or_default().to_string(), why))
     }
 
-    /// The points from the lag 0 on, of a current through `contacts` contacts at this temperature (J); none where no window was full.
+    /// The points from the lag 0 on, of a current through `contacts` contacts at this temperature (J); none where too few windows were full.
     pub(super) fn points(&self, contacts: usize, temperature: Estimate) -> Vec<Point> {
         let lags = self.windows.as_ref().map_or(0, Autocorrelation::lags);
-        if self.blocks.frames() == 0 {
+        if self.blocks.frames() < FEWEST_WINDOWS {
             return Vec::new();
         }
-        let (interval_s, mean) = (self.interval_s(), self.blocks.estimate(2 * lags + 2).mean);
+        let (interval_s, longest_s) = (self.interval_s(), lags as f64 * self.interval_s());
         let factor = 1.0 / (contacts as f64 * temperature.mean * temperature.mean);
-        let parts: Vec<Vec<f64>> = self.blocks.means().collect();
-        // less what the mean makes of it, in each block to first order
+        let (parts, last) = (self.blocks.means().collect::<Vec<_>>(), 2 * lags + 2);
+        let means: Vec<f64> = (0..=last).map(|place| self.blocks.estimate(place).mean).collect();
+        // the variance of a mean over windows that overlap by half, of a current that forgets itself within one
+        let windows = self.blocks.frames() as f64;
+        let variance = (2.0 * windows - 1.0) / ((windows - 1.0) * (windows - 1.0) * longest_s);
+        // less the square of the mean, to first order in each block, which on average is larger by that variance
+        let less_mean = |values: &[f64], place: usize, weight: f64| {
+            let square = means[last] * (2.0 * values[last] - means[last]);
+            let square = square - variance * (values[last - 1] - longest_s * square);
+            values[place] - weight * square
+        };
         let less = |place: usize, weight: f64| {
-            let of_part = |part: &Vec<f64>| part[place] - weight * mean * (2.0 * part[2 * lags + 2] - mean);
-            let found = Statistics::of(parts.iter().map(of_part)).filter(|_| parts.len() >= FEWEST);
-            let error = found.and_then(|found| found.standard_error).unwrap_or(f64::NAN);
-            [self.blocks.estimate(place).mean - weight * mean * mean, error]
+            let found = Statistics::of(parts.iter().map(|part| less_mean(part, place, weight)));
+            let error = found.filter(|_| parts.len() >= FEWEST).and_then(|found| found.standard_error);
+            [less_mean(&means, place, weight), error.unwrap_or(f64::NAN)]
         };
         let of = |lag: usize| {
             let lag_s = lag as f64 * interval_s;
@@ -162,6 +174,29 @@ mod tests {
                 assert!((product[0] - exact(lag)).abs() < 4.0 * product[1], "{lag} {product:?}");
             }
             assert!(points[40].2[1] < 0.05 * points[40].2[0] && off < 12, "{:?} {off}", points[40]);
+        }
+    }
+
+    /// The square of a run's own mean is taken off with its expectation: the default lag tells the integral of short runs, too.
+    #[test]
+    fn the_mean_of_a_run_takes_nothing_off() {
+        let (c, frames, seeds) = (0.8_f64, 800, 2_000);
+        let temperature = Estimate { mean: 1.0, error: 0.0, memory_frames: 0.0 };
+        for lag_s in [None, Some(80.0)] {
+            let found = (0..seeds).map(|seed| {
+                let (mut sums, mut x) = (GreenKubo::new(lag_s, 1.0, frames - 1), 0.0);
+                for step in 0..frames + 100 {
+                    x = c * x + normal(seed, 1, step);
+                    if step >= 100 {
+                        sums.push(step - 100, x + 2.0);
+                    }
+                }
+                sums.points(1, temperature).last().unwrap().2[0]
+            });
+            let found = Statistics::of(found).unwrap();
+            let exact = (0.5 + c / (1.0 - c)) / (1.0 - c * c);
+            let error = found.standard_error.unwrap();
+            assert!((found.mean - exact).abs() < 3.0 * error && error < 0.03 * exact, "{found:?} {exact}");
         }
     }
 }

@@ -76,8 +76,7 @@ fn shown_hz(largest: &[f64], step_hz: f64, band_hz: f64) -> f64 {
     let high = largest[1..].iter().fold(0.0_f64, |high, value| high.max(*value));
     let last = largest.iter().rposition(|value| *value >= 1e-6 * high).unwrap_or(largest.len() - 1);
     let nyquist_hz = (largest.len() - 1) as f64 * step_hz;
-    let wanted_hz = if band_hz > 0.0 { 1.2 * band_hz } else { 1.1 * last as f64 * step_hz };
-    wanted_hz.max(8.0 * step_hz).min(nyquist_hz)
+    (1.2 * band_hz).max(1.1 * last as f64 * step_hz).max(8.0 * step_hz).min(nyquist_hz)
 }
 
 impl Found {

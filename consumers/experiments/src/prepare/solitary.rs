@@ -1,7 +1,10 @@
 //! Exact solitary waves as displacements and velocities at step 0.
 
 use super::refused;
+use super::states::physics_of;
+use consumers::deformation::Plain;
 use consumers::theory::{SolitaryWave, Strength, WaveScale};
+use schemas::chain::Chain;
 use schemas::config::{ConfigError, RunConfig, Solitary};
 use std::fmt;
 
@@ -21,7 +24,7 @@ type State = (Vec<f64>, Vec<f64>);
 ///
 /// # Errors
 /// When there is no such wave in this chain, or when two of them overlap.
-pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, ConfigError> {
+pub(super) fn waves(config: &RunConfig) -> Result<Vec<State>, ConfigError> {
     let asked = &config.initial.solitary;
     let key = |i: usize| match asked.len() {
         1 => "initial.solitary".to_owned(),
@@ -30,10 +33,11 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
     if asked.is_empty() {
         return Ok(Vec::new());
     }
-    check_chain(config, &key(0))?;
-    let exact = SolitaryWave::new(config.chain.alpha).map_err(|error| refused(&key(0), error.to_string()))?;
+    let physics = physics_of(config)?;
+    let (plain, chain) = (Plain::of(&physics, true), physics.chain());
+    let exact = SolitaryWave::new(physics.alpha).map_err(|error| refused(&key(0), error.to_string()))?;
     for (i, wave) in asked.iter().enumerate() {
-        check_place(config, &exact, wave, &key(i))?;
+        check_place((&plain, &chain), &exact, wave, &key(i))?;
         let meets = |other: &&Solitary| exact.overlap(0.5 * (wave.bead - other.bead)) > MEETING;
         if let Some(other) = asked[..i].iter().find(meets) {
             let apart = (1..MOST_APART)
@@ -47,55 +51,48 @@ pub(super) fn waves(config: &RunConfig, beads: usize) -> Result<Vec<State>, Conf
             return Err(refused(&format!("{}.bead", key(i)), message));
         }
     }
-    asked.iter().enumerate().map(|(i, wave)| state(config, &exact, *wave, (&key(i), beads))).collect()
+    asked.iter().enumerate().map(|(i, wave)| state(&chain, &exact, *wave, &key(i))).collect()
 }
 
-fn check_chain(config: &RunConfig, key: &str) -> Result<(), ConfigError> {
-    let chain = &config.chain;
-    let is_even = chain.masses.is_uniform() && chain.stiffnesses.is_uniform() && config.load.is_none();
-    let is_plain = chain.bonds.is_none() && chain.alphas.is_none() && chain.second.is_none();
-    if is_even && is_plain && chain.gaps_m.is_none() && config.disorder.is_empty() {
-        return Ok(());
-    }
-    let message = "found in a chain of another kind; allowed: equal beads, one power, no load, gaps and disorder, which have an exact wave";
-    Err(refused(key, message.to_owned()))
-}
-
-/// Refuses a wave that an end, or a bead or a contact of another kind, would cut.
+/// Refuses a wave that an end would cut, or that meets at its place what no exact wave has.
 fn check_place(
-    config: &RunConfig,
+    (plain, chain): (&Plain, &Chain),
     exact: &SolitaryWave,
     wave: &Solitary,
     key: &str,
 ) -> Result<(), ConfigError> {
-    let chain = &config.chain;
-    let ends = [-0.5, chain.beads as f64 - 0.5].map(|at| ("the end of the chain".to_owned(), at));
-    let beads =
-        chain.impurities.iter().map(|odd| (format!("bead {} of another mass", odd.bead), odd.bead as f64));
-    let contacts = chain
-        .contacts
-        .iter()
-        .map(|odd| (format!("contact {} of another stiffness", odd.contact), odd.contact as f64 + 0.5));
-    let last = chain.beads as f64 - 1.0;
+    let last = chain.bead_count() as f64 - 1.0;
+    let refuse = |why: String| Err(refused(&format!("{key}.bead"), format!("found {}{why}", wave.bead)));
     if !(0.0..=last).contains(&wave.bead) {
-        return Err(refused(&format!("{key}.bead"), format!("found {}; allowed: 0 to {last}", wave.bead)));
+        return refuse(format!("; allowed: 0 to {last}"));
     }
     let cuts = |at: f64| exact.overlap(at - wave.bead) > CUT;
-    let Some((what, at)) = ends.into_iter().chain(beads).chain(contacts).find(|(_, at)| cuts(*at)) else {
-        return Ok(());
-    };
     let away = (1..MOST_APART).find(|beads| exact.overlap(f64::from(*beads)) <= CUT).unwrap_or(MOST_APART);
-    let message = format!(
-        "found {}, {} beads from {what}; allowed: {away} beads or more, beyond which the wave is 1e-6 of its height",
-        wave.bead,
-        (at - wave.bead).abs()
-    );
-    Err(refused(&format!("{key}.bead"), message))
+    if let Some(at) = [-0.5, last + 0.5].into_iter().find(|at| cuts(*at)) {
+        return refuse(format!(
+            ", {} beads from the end of the chain; allowed: {away} beads or more, beyond which the wave is 1e-6 of its height",
+            (at - wave.bead).abs()
+        ));
+    }
+    let is_near = |at: f64| (at - wave.bead).abs() < f64::from(away);
+    let beads = (0..chain.bead_count()).filter(|bead| is_near(*bead as f64));
+    let contacts = (0..chain.contact_count()).filter(|contact| is_near(*contact as f64 + 0.5));
+    let found = if chain.is_pressed() {
+        Err("the chain is pressed together")
+    } else {
+        plain.check(chain, &beads, &contacts)
+    };
+    found.or_else(|what| {
+        refuse(format!(
+            " where {what}; allowed: a place where the exact wave is a motion of the chain: within {away} beads equal beads, one power of \
+             the overlap, and no load, gaps, resonators, losses, drives or baths"
+        ))
+    })
 }
 
 /// The wave in the units of the chain, and whether it travels to higher bead numbers.
 fn scaled(
-    config: &RunConfig,
+    chain: &Chain,
     exact: &SolitaryWave,
     wave: Solitary,
     key: &str,
@@ -115,19 +112,21 @@ fn scaled(
             return Err(refused(key, found.to_owned()));
         }
     };
-    let chain = &config.chain;
     let refuse = |why: &dyn fmt::Display| refused(&format!("{key}.{name}"), format!("found {value}; {why}"));
-    let scale = exact.coefficients().scaled(chain.bead_mass_kg, chain.stiffness, strength);
+    // beads and contacts are alike near the crest
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked: it is a place between beads"
+    )]
+    let crest = wave.bead as usize;
+    let scale = exact.coefficients().scaled(chain.mass_kg[crest], chain.stiffness[crest], strength);
     Ok((scale.map_err(|error| refuse(&error))?, value > 0.0))
 }
 
-fn state(
-    config: &RunConfig,
-    exact: &SolitaryWave,
-    wave: Solitary,
-    (key, beads): (&str, usize),
-) -> Result<State, ConfigError> {
-    let (scale, is_forward) = scaled(config, exact, wave, key)?;
+fn state(chain: &Chain, exact: &SolitaryWave, wave: Solitary, key: &str) -> Result<State, ConfigError> {
+    let (scale, is_forward) = scaled(chain, exact, wave, key)?;
+    let beads = chain.bead_count();
     let sign = if is_forward { 1.0 } else { -1.0 };
     let velocity = |i: usize| sign * scale.velocity_m_s * exact.velocity(i as f64 - wave.bead);
     // contact c, half a bead behind bead c + 1, is overlapped; displacements begin at the side to which the wave goes
@@ -143,4 +142,62 @@ fn state(
         }
     }
     Ok((u_m, (0..beads).map(velocity).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn prepared(chain: &str, tables: &str) -> Result<RunConfig, String> {
+        let text = format!(
+            "[chain]\n{chain}\n[initial]\nsolitary = {{ bead = 20, velocity_m_s = 0.1 }}\n[time]\nduration_s = 1e-3\n{tables}"
+        );
+        super::super::prepared(RunConfig::from_toml(&text).unwrap(), None).map_err(|error| error.to_string())
+    }
+
+    const HERTZ: &str = "beads = 60\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7";
+
+    #[test]
+    fn a_place_that_has_no_exact_wave_is_refused_with_what_is_there() {
+        let [steel, nylon] = ["steel", "nylon"].map(|of| format!("material = \"{of}\", radius_m = 5e-3 }}"));
+        let spheres = [
+            format!("beads = 60\nspheres = [{{ {steel}, {{ {nylon}]"),
+            format!("beads = 60\nspheres = {{ {steel}\nodd_spheres = [{{ bead = 21, {nylon}]"),
+        ];
+        let gaps = format!("{HERTZ}\ngaps_m = 1e-6");
+        let bead = "[[drive]]\nbead = 21\ndisplacement_m = 0.0\n";
+        for (chain, tables, says) in [
+            (spheres[0].as_str(), "", "beads or contacts differ"),
+            (&spheres[1], "", "beads or contacts differ"),
+            (&gaps, "", "contacts have gaps"),
+            (HERTZ, "[load]\nprecompression_n = 1.0\n", "the chain is pressed together"),
+            (HERTZ, "[damping]\nrestitution = 0.5\n", "contacts dissipate"),
+            (HERTZ, "[on_site]\nlinear_n_per_m = 1.0\n", "springs hold the beads"),
+            (HERTZ, "[resonators]\nmass_kg = 1e-3\nstiffness_n_per_m = 1e5\n", "beads have resonators"),
+            (HERTZ, "[ends]\nright = \"absorbing\"\nabsorbing_beads = 50\n", "drag acts on beads"),
+            (HERTZ, bead, "a drive acts on beads"),
+            (HERTZ, "[[bath]]\ntemperature_j = 1e-9\nfriction_per_s = 10.0\n", "a bath acts on beads"),
+        ] {
+            let refused = prepared(chain, tables).expect_err(says);
+            let is_there = refused.starts_with("initial.solitary.bead: found 20 where ");
+            assert!(is_there && refused.contains(says), "{refused}");
+        }
+        let many = HERTZ.replace("60", "4611686018427387904");
+        assert!(prepared(&many, "").is_err_and(|refused| refused.starts_with("chain.beads: found 46")));
+    }
+
+    /// The wave has the masses that the beads have, whatever else `bead_mass_kg` says; what acts elsewhere leaves it as it is.
+    #[test]
+    fn a_wave_is_that_of_the_beads_at_its_place() {
+        let peak = |chain: &str, tables: &str| {
+            let config = prepared(chain, tables).unwrap();
+            (config.initial.velocities_m_s[20], config.initial.displacements_m[0])
+        };
+        let masses = format!("{HERTZ}\nmasses = {{ pattern_kg = [2e-3] }}");
+        let heavy = HERTZ.replace("1e-3", "2e-3");
+        let far = "[[drive]]\nbead = 0\ndisplacement_m = 0.0\n[ends]\nright = \"absorbing\"\n";
+        assert_eq!(peak(&masses, ""), peak(&heavy, ""));
+        assert_eq!(peak(HERTZ, far), peak(HERTZ, ""));
+        assert!((peak(HERTZ, "").0 / 0.1 - 1.0).abs() < 1e-9);
+    }
 }

@@ -2,8 +2,9 @@
 
 use super::refused;
 use schemas::config::{
-    ConfigError, End, Initial, ModeEnergies, Phase, RunConfig, StrikerConfig, Strikers, TimeConfig,
+    ConfigError, End, Gaussian, Initial, ModeEnergies, Phase, RunConfig, Strikers, TimeConfig,
 };
+use schemas::drive::{Drive, Place, Quantity};
 use schemas::functions::sine_cosine;
 use schemas::manifest::Physics;
 use schemas::philox::uniform;
@@ -19,11 +20,12 @@ const PHASES: u32 = u32::MAX - 1;
 type State = (Vec<f64>, Vec<f64>);
 
 /// The run of `config`, whatever it begins with.
-fn physics_of(config: &RunConfig) -> Result<Physics, ConfigError> {
+pub(super) fn physics_of(config: &RunConfig) -> Result<Physics, ConfigError> {
     let mut config = config.clone();
-    let (initial, striker) = (&mut config.initial, StrikerConfig { bead: 0, velocity_m_s: 1.0 });
-    *initial = Initial::default();
-    (config.striker, config.time.dt_s) = (Strikers::from(striker), None);
+    // no striker, which a driven bead refuses
+    let moved = Gaussian { bead: 0.0, width_beads: 1.0, displacement_m: 0.0, velocity_m_s: 1.0 };
+    config.initial = Initial { gaussian: Some(moved), ..Initial::default() };
+    (config.striker, config.time.dt_s) = (Strikers::default(), None);
     Physics::resolve(&config)
 }
 
@@ -99,6 +101,12 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
     if !initial.resonator_displacements_m.is_empty() || !initial.resonator_velocities_m_s.is_empty() {
         let why = "found beside a state of resonators; allowed: resonators that rest in their beads";
         return Err(refused(key, why.to_owned()));
+    }
+    let is_moved = |drive: &&Drive| matches!(drive.at, Place::Bead(_)) && drive.prescribes != Quantity::Force;
+    if let Some(drive) = config.drive.iter().position(|drive| is_moved(&drive)) {
+        let why =
+            format!("found beside drive[{drive}], which moves a bead; allowed: forces, and walls that move");
+        return Err(refused(key, why));
     }
     // the step is that of the scaled state
     let free = RunConfig { time: TimeConfig { dt_s: None, ..config.time }, ..config.clone() };
@@ -210,5 +218,14 @@ mod tests {
             let (_, v_m_s) = physics.initial_state();
             assert!(v_m_s.iter().sum::<f64>().abs() < 1e-14);
         }
+    }
+
+    #[test]
+    fn no_state_is_scaled_beside_a_bead_that_a_drive_moves() {
+        let text = "[chain]\nbeads = 3\nbead_mass_kg = 1.0\nalpha = 1.5\nstiffness = 1.0\n[initial]\nenergy_per_bead_j = 0.01\n\
+                    velocities_m_s = [1.0, 0.5, -0.7]\n[[drive]]\nbead = 1\nvelocity_m_s = 0.2\n[time]\nduration_s = 1.0\n";
+        let refused =
+            super::super::prepared(RunConfig::from_toml(text).unwrap(), None).unwrap_err().to_string();
+        assert!(refused.contains("drive[0], which moves a bead; allowed: forces"), "{refused}");
     }
 }

@@ -34,7 +34,7 @@ impl Reader<'_> {
         let is_known = table.keys().all(|key| key == "from" || key == "count");
         let count =
             u64::try_from(count).ok().filter(|count| (1..=MAX_POINTS).contains(count)).ok_or_else(wrong)?;
-        if !is_known || from < 0 || from.checked_add_unsigned(count).is_none() {
+        if !is_known || from < 0 || from.checked_add_unsigned(count - 1).is_none() {
             return Err(wrong());
         }
         let line = line_at(self.text, value.span().start);

@@ -270,7 +270,10 @@ impl StatePublisher {
         let counts = self.counts(); // before consumers leave
         self.end(match reason {
             EndReason::Complete => STATE_DONE,
-            EndReason::Interrupted | EndReason::Stopped => STATE_INTERRUPTED,
+            // of a recording that is replayed, the last two: the run went on
+            EndReason::Interrupted | EndReason::Stopped | EndReason::Continued | EndReason::Detached => {
+                STATE_INTERRUPTED
+            }
             _ => STATE_FAILED,
         })?;
         wait_for_others(&self.node, stop, at_most, || self.backpressure.subscriber_count() == 0);

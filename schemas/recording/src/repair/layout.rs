@@ -218,7 +218,8 @@ impl Said {
                 }
                 Record::SummaryOffset(said) => {
                     first_offset.get_or_insert(offset);
-                    if offsets.len() <= MOST_GROUPS {
+                    // some writers name groups that have no record
+                    if said.group_length > 0 && offsets.len() <= MOST_GROUPS {
                         offsets.push((said.group_opcode, said.group_start, said.group_length));
                     }
                     continue;

@@ -232,6 +232,13 @@ impl Physics {
         self.overlap_under(self.extreme_loads_n().1, self.extremes().softest)
     }
 
+    /// True if every contact and wall carries its load at some overlap.
+    pub(super) fn carries_its_load(&self) -> bool {
+        let Contacts { rest_overlap_m, walls, .. } = self.contacts_at_rest();
+        let walls_m = [walls.left, walls.right].map(|wall| wall.rest_overlap_m);
+        rest_overlap_m.iter().chain(&walls_m).all(|rest_m| rest_m.is_finite())
+    }
+
     /// The smallest and the largest load (N) of any contact that carries one, without an array: bounds where
     /// masses differ.
     pub(super) fn extreme_loads_n(&self) -> (f64, f64) {
@@ -242,7 +249,8 @@ impl Physics {
     }
 }
 
-/// The overlap (m) at which a contact of `law` and further terms carries `load_n`: the last double before the force exceeds it.
+/// The overlap (m) at which a contact of `law` and further terms carries `load_n`: the last double before the force exceeds it, where it
+/// first does so; infinite if it never does.
 fn balance<'a>(
     law: &ContactLaw,
     stiffness: f64,
@@ -256,18 +264,44 @@ fn balance<'a>(
         let by_law = law.force(stiffness, overlap_m);
         terms.clone().fold(by_law, |sum, (term, stiffness)| sum + term.force(stiffness, overlap_m))
     };
-    // the bits of positive doubles are in the order of their values
-    let (mut low, mut high) = (0_u64, 1.0_f64.to_bits());
-    while force_n(f64::from_bits(high)) < load_n && high < 1e100_f64.to_bits() {
-        high += 1 << 52;
+    let slope = |overlap_m: f64| {
+        let by_law = law.tangent(stiffness, overlap_m);
+        terms.clone().fold(by_law, |sum, (term, stiffness)| sum + term.tangent(stiffness, overlap_m))
+    };
+    let is_below = |overlap_m: f64| force_n(overlap_m) < load_n;
+    let (mut low, mut high) = (0.0, 1.0);
+    if terms.clone().any(|(_, stiffness)| stiffness < 0.0) {
+        // a force that falls again behind a top: the top is looked at, too
+        high = load_n / slope(0.0);
+        high = if high > 0.0 && high < 1e100 { high } else { 1e-100 };
+        while !is_below(high) {
+            high *= 0.5;
+        }
+        while is_below(high) && high < 1e100 {
+            (low, high) = (high, high * 1.125);
+            if slope(low) > 0.0 && slope(high) <= 0.0 {
+                let top = last_before(low, high, |overlap_m| slope(overlap_m) > 0.0);
+                high = if is_below(top) { high } else { top };
+            }
+        }
+    } else {
+        while is_below(high) && high < 1e100 {
+            high *= 2.0;
+        }
     }
+    if is_below(high) {
+        return f64::INFINITY;
+    }
+    last_before(low, high, |overlap_m| force_n(overlap_m) <= load_n)
+}
+
+/// The last double from `low` to `high`, neither negative, before `holds` ends.
+fn last_before(low: f64, high: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    // the bits of positive doubles are in the order of their values
+    let (mut low, mut high) = (low.to_bits(), high.to_bits());
     while high - low > 1 {
         let middle = low + (high - low) / 2; // integers
-        if force_n(f64::from_bits(middle)) <= load_n {
-            low = middle;
-        } else {
-            high = middle;
-        }
+        (low, high) = if holds(f64::from_bits(middle)) { (middle, high) } else { (low, middle) };
     }
     f64::from_bits(low)
 }
@@ -367,6 +401,28 @@ mod tests {
     }
 
     /// F = 2·δ², g = 2 m/s², 6 N from both ends: contacts carry 8, 10 and 12 N, the wall below 14 N.
+    /// δ − q·δ² + c·δ³ under several loads and in several units: the first overlap that carries the load, which the top of the force may
+    /// be near; none above the top of a force that never rises again.
+    #[test]
+    fn a_bond_that_softens_carries_its_load_where_it_first_can() {
+        use crate::term::Spring;
+        let law = ContactLaw::new(1.0);
+        for unit_m in [1.0, 1e-2, 3.66e-4, 1e30] {
+            let rest = |q: f64, c: f64, load_n: f64| {
+                let terms = [(1, 1.0), (2, -q / unit_m), (3, c / unit_m / unit_m)]
+                    .map(|(power, stiffness)| (TermLaw::Spring(Spring(power)), stiffness));
+                balance(&law, 0.0, &terms.iter().map(|(law, k)| (law, *k)), load_n * unit_m) / unit_m
+            };
+            let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 1e-6;
+            assert!(near(rest(0.25, 0.0, 0.5), 2.0 - 2.0_f64.sqrt()) && near(rest(0.25, 0.0, 1.0), 2.0));
+            assert_eq!(rest(0.25, 0.0, 1.0 + 1e-9), f64::INFINITY);
+            // roots 0.2385, 0.5367 and 1.1247; a load above the first top has the last one alone
+            assert!(near(rest(1.9, 1.0, 0.144), 0.238_537_3), "{}", rest(1.9, 1.0, 0.144));
+            let high = rest(1.9, 1.0, 0.2);
+            assert!(high > 1.0 && near(high - 1.9 * high * high + high.powi(3), 0.2), "{high}");
+        }
+    }
+
     #[test]
     fn a_loaded_chain_carries_its_weight() {
         let overlap = |load: f64| (load / 2.0).sqrt();

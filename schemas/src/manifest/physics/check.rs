@@ -321,7 +321,9 @@ impl Physics {
             return Err(ConfigError::value("chain", found, allowed));
         }
         if self.bonds.is_some() {
-            return Ok(());
+            let allowed = "loads that chain.bonds carry: a quadratic stiffness below 0 gives their force a largest value";
+            let refusal = || ConfigError::value("load", "more than a bond can carry", allowed);
+            return if self.load.is_none() || self.carries_its_load() { Ok(()) } else { Err(refusal()) };
         }
         let extremes = self.extremes();
         let speed_m_s = self.typical_speed_m_s();

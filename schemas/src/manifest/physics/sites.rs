@@ -14,7 +14,7 @@ impl Physics {
         ];
         for (key, profile) in springs {
             if let Some(profile) = profile {
-                profile.check(key, self.beads, is_0_or_more, "0 or more")?;
+                profile.check(key, self.beads, is_0_or_more, "0, or 1e-100 to 1e100")?;
             }
         }
         let holds = self.on_site.linear_n_per_m.is_some() || self.on_site.cubic_n_per_m3.is_some();
@@ -31,10 +31,15 @@ impl Physics {
                 "resonators.mass_kg",
                 self.beads,
                 is_0_or_more,
-                "masses of 0 kg or more",
+                "masses of 0 kg, or 1e-100 to 1e100 kg",
             )?;
             let key = "resonators.stiffness_n_per_m";
-            resonators.stiffness_n_per_m.check(key, self.beads, is_positive, "stiffnesses above 0")?;
+            resonators.stiffness_n_per_m.check(
+                key,
+                self.beads,
+                is_positive,
+                "stiffnesses of 1e-100 to 1e100",
+            )?;
         }
         Ok(())
     }

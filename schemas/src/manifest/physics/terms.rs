@@ -33,11 +33,11 @@ impl Physics {
                 "chain.second.stiffness",
                 contacts,
                 is_0_or_more,
-                "stiffnesses of 0 or more",
+                "stiffnesses of 0, or 1e-100 to 1e100",
             )?;
         }
         if let Some(gaps_m) = &self.gaps_m {
-            let allowed = "gaps of 0 m or more; [load] presses contacts together";
+            let allowed = "gaps of 0 m, or 1e-100 to 1e100 m; [load] presses contacts together";
             gaps_m.check("chain.gaps_m", contacts, is_0_or_more, allowed)?;
             if !self.load.is_none() {
                 let allowed = "no gaps in a chain that [load] presses together: it closes them";

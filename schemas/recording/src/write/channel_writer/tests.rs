@@ -1,5 +1,6 @@
 use super::*;
 use crate::proto;
+use schemas::frame::FrameSource;
 use schemas::manifest::Origin;
 use schemas::presets::PRESETS;
 use std::fs;
@@ -104,7 +105,8 @@ fn a_file_may_end_between_its_definitions() {
         writer.add_channel(topic).expect("new");
         writer.flush().expect("flushed");
         fs::copy(&path, &cut).expect("copied");
-        let end = crate::RecordingSource::open(&cut).expect("begun").receive().expect("readable");
+        let mut source = crate::RecordingSource::open(&cut).expect("begun");
+        let end = source.receive().expect("readable");
         assert!(matches!(end, schemas::frame::Received::End(schemas::frame::EndReason::Unfinished)));
         assert_eq!(crate::RecordingInfo::read(&cut).expect("begun").damage, None);
     }

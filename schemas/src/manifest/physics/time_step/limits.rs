@@ -176,9 +176,8 @@ impl Physics {
                 chain.terms.iter().fold(by_law, |sum, term| {
                     let stiffness = term.stiffness[c];
                     let tangent = term.law.tangent(stiffness, overlap_m);
-                    let at_rest = term.law.tangent(stiffness, rest_m);
                     let by_energy =
-                        energy_j.and_then(|energy_j| term.law.tangent_by_energy(at_rest, energy_j));
+                        energy_j.and_then(|energy_j| term.law.tangent_by_energy(stiffness, rest_m, energy_j));
                     sum + by_energy.map_or(tangent, |most| smaller(tangent, most))
                 })
             };
@@ -208,7 +207,7 @@ impl Physics {
     /// The energy (J) that one bond may have at most: that of the whole chain, where nothing drives it and no term has a negative energy.
     fn energy_for_bonds_j(&self) -> Option<f64> {
         let bonds = self.bonds.as_ref()?;
-        let counts = bonds.laws().any(|bond| bond.law.tangent_by_energy(1.0, 1.0).is_some());
+        let counts = bonds.laws().any(|bond| bond.law.tangent_by_energy(1.0, 0.0, 1.0).is_some());
         let is_closed = !self.is_driven() && bonds.laws().all(|bond| bond.form.holds != Holds::None);
         (counts && is_closed).then(|| self.initial_energy().total_j())
     }
