@@ -1,7 +1,7 @@
 //! Rows of a table that are computed in any order, by several processes, and outlive each of them.
 //!
 //! Every process has a journal of its own: a text file with a line a row, each with its checksum. A row is with the operating
-//! system before the next one is begun, which is enough against a kill, and soon on the disk, with others. A row that a kill has
+//! system as soon as it is computed, which is enough against a kill, and soon on the disk, with others. A row that a kill has
 //! torn is found, removed and computed again. When all journals of a table are read, their rows make the table in the order of
 //! their numbers.
 

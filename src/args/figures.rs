@@ -143,7 +143,7 @@ pub(crate) struct PlotArgs {
         help_heading = TABLES
     )]
     pub(crate) band: Option<BandArg>,
-    /// A power law through the points of each curve, with its exponent and the error of that if each point is of other runs; --fit=1e-3..0.1 takes only points with x there
+    /// A power law through the points of each curve, with its exponent and the error of that; --fit=1e-3..0.1 takes only points with x there
     #[arg(
         long,
         value_name = "A..B",

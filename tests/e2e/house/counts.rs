@@ -6,25 +6,25 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 15_060),
-    ("schemas", 9_490),
+    ("the command", 15_140),
+    ("schemas", 9_550),
     ("schemas/bus", 4_590),
-    ("schemas/recording", 6_800),
+    ("schemas/recording", 6_810),
     ("schemas/storage", 2_250),
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_890),
-    ("consumers", 6_460),
-    ("consumers/analyses", 4_570),
+    ("producer", 8_930),
+    ("consumers", 6_490),
+    ("consumers/analyses", 4_610),
     ("consumers/experiments", 1_720),
     ("consumers/exports", 950),
-    ("consumers/figure", 3_130),
+    ("consumers/figure", 3_145),
     ("consumers/orbits", 3_100),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_530),
+    ("consumers/plots", 1_535),
     ("consumers/screen", 700),
-    ("consumers/waves", 1_525),
+    ("consumers/waves", 1_575),
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_285),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 81_860;
+const MOST_LINES: usize = 82_220;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
