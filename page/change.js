@@ -173,12 +173,29 @@ function withNumber({ what, bead, value, part = "" }, before) {
   if (typeof held?.[last] !== "number") {
     throw new Error(`the manifest has no number at ${[...keys, last].join(".")}`);
   }
-  // the stiffness of L and T is that of a bond
-  if (what === "bond" && last === Object.keys(held)[0] && held[last] === physics.stiffness) {
-    physics.stiffness = value;
-  }
+  // L and T are those of a bond, but in manifests that took a cubic one for linear
+  const was = what === "bond" ? scaleOfBonds(held) : undefined;
   held[last] = value + 0; // −0 is 0
-  return physics;
+  return was?.alpha === physics.alpha && was?.stiffness === physics.stiffness ? Object.assign(physics, scaleOfBonds(held)) : physics;
+}
+
+/** The largest stiffness of a law of bonds, which may have a parameter, and be a list or a pattern. @param {any} bond */
+const stiffest = (bond) => {
+  const stiffness = bond?.stiffness ?? bond ?? 0;
+  return [stiffness.pattern ?? stiffness.list ?? stiffness].flat().reduce((most, k) => Math.max(most, k), -Infinity);
+};
+
+/** The exponent and the stiffness of L and T: of a bond with a slope at rest, or else of the cubic one. @param {object} bonds */
+function scaleOfBonds(bonds) {
+  const acting = Object.entries(bonds).map(([name, bond]) => ({ name, stiffness: stiffest(bond) })).filter((one) => one.stiffness > 0);
+  const found = acting.find(({ name }) => !["quadratic", "cubic"].includes(name)) ?? acting.find(({ name }) => name === "cubic");
+  return { alpha: found?.name === "cubic" ? 3 : 1, stiffness: found?.stiffness ?? stiffest(Object.values(bonds)[0]) };
+}
+
+/** The slope (N/m) of the stiffest bonds at the overlap L. @param {any} physics @param {Chain} chain */
+function slopeOfBonds(physics, chain) {
+  const { length_m } = scalesOf(physics, chain);
+  return OF_BONDS.reduce((sum, [name, power]) => sum + power * Math.abs(stiffest(physics.bonds[name])) * Math.pow(length_m, power - 1), 0);
 }
 
 /** T up to a factor that stays: of a striker with v0, L/v0. @param {Physics} physics */
@@ -218,13 +235,13 @@ export function changed(change, manifest, chain) {
     const [now, then] = [physics, before].map((one) => scalesOf(one, chain).time_s);
     shorter = now > 0 && then > 0 ? Math.min(1, now / then) : 1;
   } else if (what === "bond") {
-    const was = /** @type {Record<string, number>} */ (before.bonds)[part];
     const power = OF_BONDS.find(([name]) => name === part)?.[1];
     const spring = other.terms?.find((term) => term.kind === "spring" && term.parameter === power);
     if (!spring) {
       throw new Error(`There is no stiffness ${part} of all bonds.`);
     }
-    shorter = part === "linear" && value > was ? Math.sqrt(was / value) : 1;
+    const [now, then] = [physics, before].map((one) => slopeOfBonds(one, chain));
+    shorter = then > 0 ? Math.min(1, Math.sqrt(then / now)) : 1;
     spring.stiffness.fill(value);
     for (const end of /** @type {const} */ (["leftWall", "rightWall", "ring"])) {
       spring[end] = spring[end] ? value : spring[end];

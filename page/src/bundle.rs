@@ -159,7 +159,7 @@ impl<'a> Module<'a> {
             } else {
                 code.to_owned()
             };
-            module.body.extend([&untyped(&line), "\n"]);
+            module.body.extend([&untyped(&line).ok_or_else(refused)?, "\n"]);
         }
         if is_template || is_comment {
             return Err(format!("{name}.js: a template or a comment has no end"));
@@ -168,12 +168,14 @@ impl<'a> Module<'a> {
     }
 }
 
-/// A line without the comments that are types of values.
-fn untyped(line: &str) -> String {
+/// A line without the comments that are types of values; none if one does not end in it.
+fn untyped(line: &str) -> Option<String> {
     let mut parts = line.split("/** @");
-    let mut code = parts.next().unwrap_or_default().to_owned();
-    code.extend(parts.map(|part| part.split_once("*/").map_or(part, |(_, after)| after.trim_start())));
-    code
+    let mut code = parts.next()?.to_owned();
+    for part in parts {
+        code.push_str(part.split_once("*/")?.1.trim_start());
+    }
+    Some(code)
 }
 
 /// True if as many templates end as begin in a line.

@@ -207,10 +207,10 @@ impl Growth {
                     self.drift(state, &beads, 1.0 / pieces);
                 },
             );
+            for bead in &self.moved {
+                (self.du_m[*bead], self.dv_m_s[*bead]) = (0.0, 0.0);
+            }
             piece += 1.0;
-        }
-        for bead in &self.moved {
-            (self.du_m[*bead], self.dv_m_s[*bead]) = (0.0, 0.0);
         }
         self.measure(state.step as f64 * self.dt_s, &beads);
     }
@@ -298,11 +298,11 @@ impl Growth {
         }
     }
 
-    /// Changes the displacements over a part of the time to the next look, and adds another rounding to each number.
+    /// Changes the displacements over a part of the time to the next look, and adds as much of another rounding to each number.
     #[inline(always)]
     fn drift(&mut self, state: &ChainState, beads: &Range<usize>, part: f64) {
         let time_s = part * (self.every as f64 * self.dt_s);
-        let sign = if hash(self.looks) & 1 == 0 { 1.0 } else { -1.0 };
+        let sign = if hash(self.looks) & 1 == 0 { part } else { 0.0 - part };
         let (du_m, dv_m_s) = (&mut self.du_m[beads.clone()], &mut self.dv_m_s[beads.clone()]);
         let (u_m, v_m_s) = (&state.u_m[beads.clone()], &state.v_m_s[beads.clone()]);
         let rounding = &self.rounding[beads.clone()];

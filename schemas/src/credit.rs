@@ -19,7 +19,7 @@ pub struct Credit {
     pub orcid: Option<String>,
     /// Licence of the recording, an SPDX expression: "CC-BY-4.0".
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(regex(pattern = r"^[A-Za-z0-9.+:() -]*[A-Za-z0-9][A-Za-z0-9.+:() -]*$"), length(max = LONGEST))]
+    #[schemars(regex(pattern = r"^[( ]*[A-Za-z0-9][A-Za-z0-9.+:-]*([) ]+(AND|OR|WITH|and|or|with)[( ]+[A-Za-z0-9][A-Za-z0-9.+:-]*)*[) ]*$"), length(max = LONGEST))]
     pub licence: Option<String>,
     /// DOI of the recording, or of the work that it belongs to: "10.5281/zenodo.1234567".
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -143,8 +143,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     if !args.check {
-        tell_stiff(&manifest.physics, outcome.stiffest_step);
-        tell_lost(&manifest.physics, outcome.lost);
+        tell_lost(&manifest.physics, &outcome);
     }
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
 }
@@ -289,9 +288,10 @@ fn tell_stiff(physics: &Physics, step: Option<f64>) {
     );
 }
 
-/// Tells if roundings have grown until they count.
-fn tell_lost(physics: &Physics, lost: Option<Lost>) {
-    let Some(Lost { at_s, growth_per_s }) = lost else { return };
+/// Tells if a step was too long for the contacts, or roundings have grown until they count.
+fn tell_lost(physics: &Physics, outcome: &RunOutcome) {
+    tell_stiff(physics, outcome.stiffest_step);
+    let Some(Lost { at_s, growth_per_s }) = outcome.lost else { return };
     let time_s = physics.scales().time_s;
     notice!(
         "the run is chaotic: what differs in the last place grows as exp({:.2} t/T), and from about {} ({:.0} T) on it decides where \

@@ -182,6 +182,6 @@ fn rows_of_pulses_are_made_again() {
     for (told, first, before) in [(silent, 0, 0), (telling, 150, 100)] {
         with_pulses(&place, ("unknown.mcap", told), (first, before), forge);
         let text = place.run("verify unknown.mcap").exits(0).stdout();
-        assert!(text.contains("rows of `/pulses`: they depend on frames before"), "{text}");
+        assert!(text.contains("of `/pulses`: they depend on frames before"), "{text}");
     }
 }

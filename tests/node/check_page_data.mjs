@@ -433,6 +433,14 @@ function checkChanges() {
   const { physics } = changed(harder, { physics: pushed, provenance: { name: "one" } }, CHAIN_OF_TWO).manifest;
   assert.ok(Math.abs(physics.dt_s - 0.1 * pushed.dt_s) < 1e-12 * pushed.dt_s, `${physics.dt_s} s`);
   assert.ok(Math.abs(physics.dt_s * physics.step_count - pushed.dt_s * pushed.step_count) < 1e-9);
+  // cubic bonds have the scales of their power, and half of the step with 16 times the stiffness; a linear part takes these over
+  const cubic = { ...plain, alpha: 3, stiffness: 1, bonds: { linear: 0, quadratic: -0.1, cubic: 1 } };
+  const spring = (power) => ({ kind: "spring", parameter: power, stiffness: Float64Array.of(1) });
+  const bonded = { ...CHAIN_OF_TWO, terms: [1, 2, 3].map(spring) };
+  const bondChanged = (part, value) => changed({ what: "bond", bead: 0, part, value }, { physics: cubic, provenance: { name: "one" } }, bonded).manifest.physics;
+  const [harderBond, held] = [bondChanged("cubic", 16), bondChanged("linear", 4)];
+  assert.deepEqual([harderBond.alpha, harderBond.stiffness, held.alpha, held.stiffness], [3, 16, 1, 4]);
+  assert.ok(harderBond.dt_s < 0.6 * cubic.dt_s && harderBond.dt_s > 0.4 * cubic.dt_s && held.dt_s > 0, `${harderBond.dt_s} ${held.dt_s}`);
   // the drag of an absorbing end stays, in the configuration, too: by default it follows T
   const absorbing = { ...TWO, ends: { left: "free", right: "absorbing" }, striker: { bead: 0, velocity_m_s: 1 } };
   const chain = { ...CHAIN_OF_TWO, drag: Float64Array.of(0, 0.005) };

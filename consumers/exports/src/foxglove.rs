@@ -211,10 +211,8 @@ fn beads_to_follow(manifest: &RunManifest) -> Vec<u64> {
 
 fn about(manifest: &RunManifest) -> String {
     let RunManifest { physics, provenance, .. } = manifest;
-    format!(
-        "run {} ({}): {} beads, alpha {}",
-        provenance.name, provenance.run_id, physics.beads, physics.alpha
-    )
+    let law = if physics.bonds.is_some() { "bonds".to_owned() } else { format!("alpha {}", physics.alpha) };
+    format!("run {} ({}): {} beads, {law}", provenance.name, provenance.run_id, physics.beads)
 }
 
 fn text_of(event: &Event) -> String {

@@ -71,16 +71,20 @@ impl Plain {
 /// Beads slower than this part of L/T rest, as beside a wave that a run begins with.
 const REST: f64 = 1e-3;
 
-/// The velocity (m/s) that at least half of the beads begin with; none if there is no such velocity.
+/// The velocity (m/s) that at least half of the beads begin with, to a thousandth of L/T; none if there is no such velocity.
 pub(crate) fn common_velocity_m_s(physics: &Physics) -> Option<f64> {
     let (_, mut v_m_s) = physics.initial_state();
-    let count = v_m_s.len();
-    let rest_m_s = REST * physics.scales().speed_m_s();
-    let [low, high] = [count / 4, 3 * count / 4].map(|rank| {
+    let (count, rest_m_s) = (v_m_s.len(), REST * physics.scales().speed_m_s());
+    let medians = [(count - 1) / 2, count / 2].map(|rank| {
         let v = *v_m_s.select_nth_unstable_by(rank, f64::total_cmp).1;
         if v.abs() > rest_m_s { v } else { 0.0 }
     });
-    (low == high).then_some(low)
+    let is_common = |median: &f64| {
+        let alike = v_m_s.iter().filter(|v| (**v - median).abs() <= rest_m_s);
+        2 * alike.count() >= count
+    };
+    let [low, high] = if medians[0].abs() < medians[1].abs() { medians } else { [medians[1], medians[0]] };
+    [low, high].into_iter().find(is_common)
 }
 
 /// The beads that are struck, or begin with another velocity than most.

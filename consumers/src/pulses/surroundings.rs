@@ -18,7 +18,7 @@ pub(super) struct Surroundings {
     pub(super) obstacles: Obstacles,
     /// Differences between beads, in a chain that is not even.
     pub(super) texture: Option<Texture>,
-    /// Where contacts neither bind nor are loaded nothing pulls: pulses move the way their beads do.
+    /// Contacts bind or are loaded: where nothing pulls, pulses move the way their beads do.
     pub(super) pulls: bool,
     /// The velocity (m/s) that velocities count from: that of most beads at step 0.
     pub(super) drift_m_s: f64,

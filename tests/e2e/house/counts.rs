@@ -7,7 +7,7 @@ use std::path::Path;
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("the command", 15_140),
-    ("schemas", 9_550),
+    ("schemas", 9_560),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_810),
     ("schemas/storage", 2_250),
@@ -15,7 +15,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 8_930),
-    ("consumers", 6_490),
+    ("consumers", 6_500),
     ("consumers/analyses", 4_610),
     ("consumers/experiments", 1_720),
     ("consumers/exports", 950),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_220;
+const MOST_LINES: usize = 82_240;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -71,10 +71,12 @@ pub(super) fn columns(asked: &Asked) -> Vec<Column> {
     columns.into_iter().map(Column::from).collect()
 }
 
-/// The highest frequency worth showing: above it there is less than 1e-6 of the largest density; but all of the bands.
+/// The highest frequency worth showing: above it there is less than 1e-6 of the largest density, or less than 1e-3 where there are bands; but
+/// all of these.
 fn shown_hz(largest: &[f64], step_hz: f64, band_hz: f64) -> f64 {
     let high = largest[1..].iter().fold(0.0_f64, |high, value| high.max(*value));
-    let last = largest.iter().rposition(|value| *value >= 1e-6 * high).unwrap_or(largest.len() - 1);
+    let least = if band_hz > 0.0 { 1e-3 } else { 1e-6 };
+    let last = largest.iter().rposition(|value| *value >= least * high).unwrap_or(largest.len() - 1);
     let nyquist_hz = (largest.len() - 1) as f64 * step_hz;
     (1.2 * band_hz).max(1.1 * last as f64 * step_hz).max(8.0 * step_hz).min(nyquist_hz)
 }

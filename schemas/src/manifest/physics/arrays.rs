@@ -236,7 +236,7 @@ impl Physics {
     pub(super) fn carries_its_load(&self) -> bool {
         let Contacts { rest_overlap_m, walls, .. } = self.contacts_at_rest();
         let walls_m = [walls.left, walls.right].map(|wall| wall.rest_overlap_m);
-        rest_overlap_m.iter().chain(&walls_m).all(|rest_m| rest_m.is_finite())
+        rest_overlap_m.iter().chain(&walls_m).all(|rest_m| *rest_m < UNBOUND_M)
     }
 
     /// The smallest and the largest load (N) of any contact that carries one, without an array: bounds where
@@ -250,7 +250,7 @@ impl Physics {
 }
 
 /// The overlap (m) at which a contact of `law` and further terms carries `load_n`: the last double before the force exceeds it, where it
-/// first does so; infinite if it never does.
+/// first does so; more than [`UNBOUND_M`] if it never does.
 fn balance<'a>(
     law: &ContactLaw,
     stiffness: f64,
@@ -264,36 +264,43 @@ fn balance<'a>(
         let by_law = law.force(stiffness, overlap_m);
         terms.clone().fold(by_law, |sum, (term, stiffness)| sum + term.force(stiffness, overlap_m))
     };
+    let is_below = |overlap_m: f64| force_n(overlap_m) < load_n;
+    let balanced = |low: f64, high: f64| last_before(low, high, |overlap_m| force_n(overlap_m) <= load_n);
+    let mut high = 1.0;
+    while is_below(high) && high < UNBOUND_M {
+        high *= 2.0;
+    }
+    let rising = balanced(0.0, high);
+    if !terms.clone().any(|(_, stiffness)| stiffness < 0.0) {
+        return rising;
+    }
+    // a force that falls again behind a top: the top is looked at, too
     let slope = |overlap_m: f64| {
         let by_law = law.tangent(stiffness, overlap_m);
         terms.clone().fold(by_law, |sum, (term, stiffness)| sum + term.tangent(stiffness, overlap_m))
     };
-    let is_below = |overlap_m: f64| force_n(overlap_m) < load_n;
-    let (mut low, mut high) = (0.0, 1.0);
-    if terms.clone().any(|(_, stiffness)| stiffness < 0.0) {
-        // a force that falls again behind a top: the top is looked at, too
-        high = load_n / slope(0.0);
-        high = if high > 0.0 && high < 1e100 { high } else { 1e-100 };
-        while !is_below(high) {
-            high *= 0.5;
-        }
-        while is_below(high) && high < 1e100 {
-            (low, high) = (high, high * 1.125);
-            if slope(low) > 0.0 && slope(high) <= 0.0 {
-                let top = last_before(low, high, |overlap_m| slope(overlap_m) > 0.0);
-                high = if is_below(top) { high } else { top };
-            }
-        }
-    } else {
-        while is_below(high) && high < 1e100 {
-            high *= 2.0;
+    let (mut low, mut high) = (0.0, load_n / slope(0.0));
+    high = if high > 0.0 && high < UNBOUND_M { high } else { 1e-100 };
+    while !is_below(high) {
+        high *= 0.5;
+    }
+    while is_below(high) && high < UNBOUND_M {
+        (low, high) = (high, high * FINE);
+        if slope(low) > 0.0 && slope(high) <= 0.0 {
+            let top = last_before(low, high, |overlap_m| slope(overlap_m) > 0.0);
+            high = if is_below(top) { high } else { top };
         }
     }
-    if is_below(high) {
-        return f64::INFINITY;
-    }
-    last_before(low, high, |overlap_m| force_n(overlap_m) <= load_n)
+    let first = balanced(low, high);
+    // recordings have its bits
+    if (rising / first - 1.0).abs() < 1e-12 { rising } else { first }
 }
+
+/// No contact has as large an overlap (m).
+const UNBOUND_M: f64 = 1e100;
+
+/// The factor between overlaps at which a force that falls is looked at: what rises again within it is taken for rising all along.
+const FINE: f64 = 1.02;
 
 /// The last double from `low` to `high`, neither negative, before `holds` ends.
 fn last_before(low: f64, high: f64, holds: impl Fn(f64) -> bool) -> f64 {
@@ -415,7 +422,7 @@ mod tests {
             };
             let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 1e-6;
             assert!(near(rest(0.25, 0.0, 0.5), 2.0 - 2.0_f64.sqrt()) && near(rest(0.25, 0.0, 1.0), 2.0));
-            assert_eq!(rest(0.25, 0.0, 1.0 + 1e-9), f64::INFINITY);
+            assert!(rest(0.25, 0.0, 1.0 + 1e-9) * unit_m >= UNBOUND_M);
             // roots 0.2385, 0.5367 and 1.1247; a load above the first top has the last one alone
             assert!(near(rest(1.9, 1.0, 0.144), 0.238_537_3), "{}", rest(1.9, 1.0, 0.144));
             let high = rest(1.9, 1.0, 0.2);
