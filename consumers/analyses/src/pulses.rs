@@ -33,7 +33,7 @@ pub static OFFER: Offer = Offer {
         with fewer lacks is recomputed, unless --as-recorded. What moved along the chain and is in no pulse, \
         above all a front that no pulse leads, is told, and the exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
         peak velocity: 1 for a pulse that no longer changes. Velocities, momenta and energies count from the velocity \
-        that at least half of the beads begin with; if there is none, V/V_sw is empty. asymmetry = (rear − front)/(rear + front) of \
+        that more than half of the beads begin with; if there is none, V/V_sw is empty. asymmetry = (rear − front)/(rear + front) of \
         the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave.",
     settings: &[Setting::new(
         "threshold",

@@ -71,7 +71,7 @@ impl Plain {
 /// Beads slower than this part of L/T rest, as beside a wave that a run begins with.
 const REST: f64 = 1e-3;
 
-/// The velocity (m/s) that at least half of the beads begin with, to a thousandth of L/T; none if there is no such velocity.
+/// The velocity (m/s) that more than half of the beads begin with, to a thousandth of L/T; none if there is no such velocity.
 pub(crate) fn common_velocity_m_s(physics: &Physics) -> Option<f64> {
     let (_, mut v_m_s) = physics.initial_state();
     let (count, rest_m_s) = (v_m_s.len(), REST * physics.scales().speed_m_s());
@@ -81,7 +81,7 @@ pub(crate) fn common_velocity_m_s(physics: &Physics) -> Option<f64> {
     });
     let is_common = |median: &f64| {
         let alike = v_m_s.iter().filter(|v| (**v - median).abs() <= rest_m_s);
-        2 * alike.count() >= count
+        2 * alike.count() > count
     };
     let [low, high] = if medians[0].abs() < medians[1].abs() { medians } else { [medians[1], medians[0]] };
     [low, high].into_iter().find(is_common)

@@ -110,7 +110,7 @@ impl Pulses {
         self.look(&Frame { v_m_s: &v_m_s, active: None, ..*frame })
     }
 
-    /// The velocity (m/s) that all velocities, momenta and energies count from: the one that at least half of the beads
+    /// The velocity (m/s) that all velocities, momenta and energies count from: the one that more than half of the beads
     /// begin with, 0 if there is none.
     pub fn drift_m_s(&self) -> f64 {
         self.around.drift_m_s
