@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import os
 import pickle
 import re
 import subprocess
@@ -48,7 +49,7 @@ def test_a_job_array_starts_the_command_of_the_package(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "beadline", "sweep", "s.toml", "--out", "all", "--slurm"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     script = (tmp_path / "all" / "slurm" / "array.sh").read_text()
-    assert f"'{sys.executable}' '-m' 'beadline' sweep" in script
+    assert f"'{os.path.abspath(sys.executable)}' '-m' 'beadline' sweep" in script
 
 
 def test_numpy_is_loaded_when_it_is_needed() -> None:
