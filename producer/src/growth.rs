@@ -192,7 +192,8 @@ impl Growth {
         self.slopes.find(Arch::new(), &state.u_m, self.chain.walls_m(&state.extra), &beads);
         let stiffness = self.stiffness(&beads);
         self.stiffest = if stiffness > self.stiffest { stiffness } else { self.stiffest };
-        let pieces = (stiffness / STABLE).sqrt().ceil().max(1.0);
+        let pieces = (stiffness / STABLE).sqrt().ceil();
+        let pieces = if pieces > 1.0 { pieces } else { 1.0 };
         if pieces > MOST_PIECES {
             self.is_over = true;
             return;
