@@ -143,7 +143,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
     }
     tell_drift(&manifest.physics, outcome.relative_drift);
     if !args.check {
-        tell_lost(&manifest.physics, &outcome);
+        tell_growth(&manifest.physics, &outcome);
     }
     Ok(Done::whole_if(counts.evicted == 0 && reason == EndReason::Complete && is_determined && is_sent))
 }
@@ -289,7 +289,7 @@ fn tell_stiff(physics: &Physics, step: Option<f64>) {
 }
 
 /// Tells if a step was too long for the contacts, or roundings have grown until they count.
-fn tell_lost(physics: &Physics, outcome: &RunOutcome) {
+fn tell_growth(physics: &Physics, outcome: &RunOutcome) {
     tell_stiff(physics, outcome.stiffest_step);
     let Some(Lost { at_s, growth_per_s }) = outcome.lost else { return };
     let time_s = physics.scales().time_s;

@@ -432,6 +432,63 @@ fn coarse_frames_are_told_and_nonsense_is_refused() {
     place.run("pulses homogeneous.mcap --out a.txt").exits(2);
 }
 
+/// The pulses that `beadline pulses` tells of the chain `toml`.
+fn told(place: &Place, name: &str, toml: &str) -> Vec<serde_json::Value> {
+    place.write(&format!("{name}.toml"), toml);
+    place.run(&format!("run {name}.toml --out {name}.mcap")).exits(0);
+    let ended = place.run(&format!("pulses {name}.mcap --json")).json();
+    ended["results"]["pulses"].as_array().unwrap().clone()
+}
+
+/// The forces of these bonds are odd: a kick that pulls makes the same waves as one that pushes, with other signs.
+#[test]
+fn a_pulse_that_pulls_is_followed_like_one_that_pushes() {
+    let place = Place::new();
+    let [push, pull] = [("push", "3.0"), ("pull", "-3.0")].map(|(name, v)| {
+        let bonds = "[chain]\nbeads = 60\nbead_mass_kg = 1.0\nbonds = { linear = 1.0, cubic = 1.0 }\n";
+        let text = format!("{bonds}[striker]\nbead = 0\nvelocity_m_s = {v}\n[time]\nduration_s = 25.0\n");
+        told(&place, name, &text)
+    });
+    let strongest = push.iter().filter_map(|pulse| pulse["v_peak_m_s"].as_f64()).fold(0.0, f64::max);
+    assert!(strongest > 2.2 && push.len() == pull.len(), "{push:?}");
+    for (push, pull) in push.iter().zip(&pull) {
+        for same in ["direction", "birth", "end", "energy_j", "speed_beads_per_s"] {
+            assert_eq!(push[same], pull[same], "{same}");
+        }
+        assert_eq!(push["v_peak_m_s"].as_f64().map(|v| -v), pull["v_peak_m_s"].as_f64());
+    }
+}
+
+/// An observer who moves along sees the same pulse; where no velocity is that of most beads there is no theory.
+#[test]
+fn pulses_of_a_chain_that_flies_are_those_of_one_at_rest() {
+    let place = Place::new();
+    let beginning = |name: &str, v_m_s: &[f64]| {
+        let hertz = "[chain]\nbeads = 60\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n";
+        told(
+            &place,
+            name,
+            &format!("{hertz}[initial]\nvelocities_m_s = {v_m_s:?}\n[time]\nduration_s = 3e-3\n"),
+        )
+    };
+    let [rest, flies] = [("rest", 0.0), ("flies", 1.0)].map(|(name, drift)| {
+        let mut v_m_s = vec![drift; 60];
+        v_m_s[0] += 5.0;
+        beginning(name, &v_m_s)
+    });
+    assert!((flies[0]["speed_over_solitary"].as_f64().unwrap() - 1.0).abs() < 1e-4, "{flies:?}");
+    for same in ["v_peak_m_s", "momentum_kg_m_s", "energy_j"] {
+        let [at_rest, flying] = [&rest, &flies].map(|pulses| pulses[0][same].as_f64().unwrap());
+        assert!((flying / at_rest - 1.0).abs() < 1e-4, "{same}: {at_rest} {flying}");
+    }
+    let halves: Vec<f64> = (0..60).map(|bead| if bead < 30 { 2.0 } else { -2.0 }).collect();
+    let collided = beginning("halves", &halves);
+    assert!(
+        !collided.is_empty() && collided.iter().all(|pulse| pulse["speed_over_solitary"].is_null()),
+        "{collided:?}"
+    );
+}
+
 /// What a viewer gets: the pulses under way, in every frame.
 #[test]
 fn pulses_under_way_are_published() {

@@ -12,6 +12,7 @@ use super::track::{Passed, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse, nearest, signed};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
+use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -35,6 +36,8 @@ pub struct Pulses {
     met_ends: [bool; 2],
     /// Time (s) at which the frames began, or began again, and whether the chain had moved before.
     resumed: Option<(f64, bool)>,
+    /// Room for velocities (m/s) less that of most beads.
+    relative_m_s: Vec<f64>,
 }
 
 impl Pulses {
@@ -72,6 +75,7 @@ impl Pulses {
             lead: Lead::default(),
             met_ends: [false; 2],
             resumed: None,
+            relative_m_s: Vec::new(),
         }
     }
 
@@ -104,10 +108,15 @@ impl Pulses {
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[Happening] {
         let drift_m_s = self.drift_m_s();
         if drift_m_s == 0.0 {
-            return self.look(frame);
+            self.look(frame);
+        } else {
+            let mut v_m_s = mem::take(&mut self.relative_m_s);
+            v_m_s.clear();
+            v_m_s.extend(frame.v_m_s.iter().map(|v| v - drift_m_s));
+            self.look(&Frame { v_m_s: &v_m_s, active: None, ..*frame });
+            self.relative_m_s = v_m_s;
         }
-        let v_m_s: Vec<f64> = frame.v_m_s.iter().map(|v| v - drift_m_s).collect();
-        self.look(&Frame { v_m_s: &v_m_s, active: None, ..*frame })
+        &self.happenings
     }
 
     /// The velocity (m/s) that all velocities, momenta and energies count from: the one that more than half of the beads
@@ -116,7 +125,7 @@ impl Pulses {
         self.around.drift_m_s
     }
 
-    fn look(&mut self, frame: &Frame<'_>) -> &[Happening] {
+    fn look(&mut self, frame: &Frame<'_>) {
         self.happenings.clear();
         if let Some(last) = self.last_step.replace(frame.step) {
             let interval = frame.step.saturating_sub(last);
@@ -144,7 +153,6 @@ impl Pulses {
             self.close(false);
         }
         self.explain();
-        &self.happenings
     }
 
     /// Frames are missing: no crest is interpolated across the gap. Pulses are taken up again where they would

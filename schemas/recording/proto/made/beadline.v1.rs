@@ -100,10 +100,10 @@ pub mod chain {
         pub kind: ::prost::alloc::string::String,
         #[prost(double, tag = "2")]
         pub parameter: f64,
-        /// That of each contact, N-1 values; 0 where it has no such term.
+        /// Stiffness of each contact, N-1 values; 0 where it has no such term.
         #[prost(double, repeated, tag = "3")]
         pub stiffness: ::prost::alloc::vec::Vec<f64>,
-        /// That of the contacts with the walls, and of the one that closes a ring.
+        /// Stiffnesses of the contacts with the walls, and of the one that closes a ring.
         #[prost(double, tag = "4")]
         pub left_wall: f64,
         #[prost(double, tag = "5")]

@@ -161,7 +161,7 @@ pub struct Vector3 {
     #[prost(double, tag = "3")]
     pub z: f64,
 }
-/// Where something is, and how it is turned.
+/// A position, and how something is turned there.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Pose {
     #[prost(message, optional, tag = "1")]
