@@ -1,11 +1,11 @@
 // Chains beyond one power law: contacts of several terms, bonds, gaps, rings, springs and drag of each bead, resonators, what is
-// driven, baths, and the method rk5. Written from docs/KERNEL.md alone, like kernel.js, which has the rest.
+// driven, baths, and the method of Dormand and Prince. Written from docs/KERNEL.md alone, like kernel.js, which has the rest.
 //
 //     import { stepperOf } from "./chains.js";
 //     const stepper = stepperOf(physics, chain);   // used like a `Stepper`; states need the number of their `step`
 
 import { Bath } from "./baths.js";
-import { A1, A2, A3, B1, B2, B3, B4, Power, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
+import { A1, A2, A3, B1, B2, B3, B4, Power, RUNGE, Stepper, excessSeries, fromHex, isSimple, sum } from "./kernel.js";
 import { LAWS } from "./laws.js";
 import { Knots, Piece } from "./pieces.js";
 import { Waveform } from "./waveforms.js";
@@ -124,7 +124,7 @@ class Drive {
   }
 }
 
-// rk5: when a stage is, and what each derivative before counts in it
+// method of Dormand and Prince: when a stage is, and what each derivative before counts in it
 const STAGES = [0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1];
 const COUNTS = [
   [],
@@ -142,7 +142,7 @@ const SPLIT = {
   rkn4: { kicks: [B1, B2, B3, B4, B3, B2, B1], drifts: [A1, A2, A3, A3, A2, A1] },
 };
 
-/** Any chain by the methods velocity-verlet, rkn4 and rk5. */
+/** Any chain by every method but gear5. */
 export class AnyStepper extends Stepper {
   /**
    * @param {Physics} physics
@@ -187,10 +187,10 @@ export class AnyStepper extends Stepper {
     const { baths = [], seed = 0 } = physics;
     this.baths = baths.map((entry) => new Bath(entry, this.mass, this.isRing, this.dt, seed));
     this.dampingPower = chain.dampingPower ? new Power(chain.dampingPower) : undefined;
-    if (this.method === "rk5" && baths.length > 0) {
-      throw new Error("rk5 takes no baths");
+    if (this.method === RUNGE && baths.length > 0) {
+      throw new Error(`${RUNGE} takes no baths`);
     }
-    if (this.method !== "rk5" && (this.damped || this.drag !== undefined)) {
+    if (this.method !== RUNGE && (this.damped || this.drag !== undefined)) {
       throw new Error(`damping or drag with the method ${this.method}`);
     }
     // where in `extra` each array begins; less than 0: nowhere
@@ -205,8 +205,8 @@ export class AnyStepper extends Stepper {
     this.lost = new Float64Array(n + 1); // power of each damped contact
     // displacement and velocity of both walls, at the time that the drives are set to
     this.xLeft = this.xRight = this.vLeft = this.vRight = 0;
-    // of rk5: u, v and extra one after the other, of the step, of a stage, and the derivatives of each stage
-    const length = this.method === "rk5" ? (2 + this.extraNames.length) * n : 0;
+    // of Dormand and Prince: u, v and extra one after the other, of the step, of a stage, and the derivatives of each stage
+    const length = this.method === RUNGE ? (2 + this.extraNames.length) * n : 0;
     this.whole = new Float64Array(length);
     this.stage = new Float64Array(length);
     this.rates = STAGES.map(() => new Float64Array(length));
@@ -243,8 +243,8 @@ export class AnyStepper extends Stepper {
         for (const drive of this.drives) {
           drive.startedAt = state.v[drive.bead];
         }
-        if (this.method === "rk5") {
-          this.stepRk5(state, piece, before);
+        if (this.method === RUNGE) {
+          this.stepRunge(state, piece, before);
         } else {
           this.stepSplit(state, piece, before);
         }
@@ -427,12 +427,12 @@ export class AnyStepper extends Stepper {
   }
 
   /**
-   * A piece of a step of rk5.
+   * A piece of a step by the method of Dormand and Prince.
    * @param {Motion} state
    * @param {Piece} piece
    * @param {Float64Array} before
    */
-  stepRk5({ u, v, extra }, piece, before) {
+  stepRunge({ u, v, extra }, piece, before) {
     const { whole, stage, rates, beads } = this;
     const dt = piece.length;
     whole.set(u);

@@ -2,7 +2,7 @@
 
 import { BOLTZMANN } from "./baths.js";
 import { stepperOf } from "./chains.js";
-import { KERNEL_VERSION, METHODS, isKnown, retired } from "./kernel.js";
+import { KERNEL_VERSION, METHODS, RUNGE, isKnown, retired } from "./kernel.js";
 import { unknownPhysics } from "./keys.js";
 import { Waveform, largest } from "./waveforms.js";
 
@@ -131,7 +131,7 @@ export class Fields {
   constructor({ physics }, chain) {
     // energies are the same whatever moved the beads
     const isOurs = METHODS.includes(physics.method);
-    const method = isOurs ? physics.method : "rk5";
+    const method = isOurs ? physics.method : RUNGE;
     this.stepper = stepperOf({ ...physics, kernel_version: KERNEL_VERSION, method }, chain);
     /** Number of the array of `extra` with the dissipated work; −1: none, or not known. */
     this.work = isOurs ? this.stepper.extraNames.indexOf("W") : -1;

@@ -267,8 +267,11 @@ const REACH = 7;
 const TINY = powerOfTwo(-900);
 const orZero = (/** @type {number} */ q) => (Math.abs(q) <= TINY ? 0 : q);
 
+/** The method for any forces, which came with schema version 1.1. */
+export const RUNGE = "rk5";
+
 /** Methods that are known here. */
-export const METHODS = ["velocity-verlet", "rkn4", "gear5", "rk5"];
+export const METHODS = ["velocity-verlet", "rkn4", "gear5", RUNGE];
 
 /** What no kernel computes any more; undefined of other runs. @param {Physics} physics */
 export const retired = ({ method, damping }) => (method === "gear5" && damping ? "gear5 with damping" : undefined);
@@ -280,7 +283,7 @@ export const retired = ({ method, damping }) => (method === "gear5" && damping ?
  */
 export function isSimple({ method, drives, baths }, { terms, ring, onSite, onSiteCubic, drag, resonatorMass, dampingPower }) {
   const isThere = [drives, baths, terms, onSite, onSiteCubic, drag, resonatorMass].some((some) => some && some.length > 0);
-  return !isThere && ring === undefined && !dampingPower && method !== "rk5";
+  return !isThere && ring === undefined && !dampingPower && method !== RUNGE;
 }
 
 /**

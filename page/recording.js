@@ -3,7 +3,7 @@
 
 import { Fields, chainOf, crc32, readExactly, sha256, stateOf, stepOf } from "./mcap.js";
 import { shown } from "./elements.js";
-import { METHODS, extraNamesOf } from "./kernel.js";
+import { METHODS, RUNGE, extraNamesOf } from "./kernel.js";
 import { beyondPlain, unknownKey, unknownPhysics } from "./keys.js";
 import { checkPhysics, checkProvenance } from "./manifest.js";
 import { decompress } from "./zstd.js";
@@ -96,7 +96,7 @@ export function manifestOf(entries, notes) {
     notes.push(`The recording has schema version ${version}; what is newer than version 1.${MINOR} in it is not shown.`);
   }
   checkPhysics(physics);
-  const later = version === "1.0" ? beyondPlain(physics) || (physics.method === "rk5" ? "method" : "") : "";
+  const later = version === "1.0" ? beyondPlain(physics) || (physics.method === RUNGE ? "method" : "") : "";
   if (later !== "") {
     damaged(`the manifest has schema version 1.0 and "${later}", which came with 1.1`);
   }

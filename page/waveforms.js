@@ -1,4 +1,4 @@
-// Sine, cosine, exponential and waveforms, written from docs/KERNEL.md alone: what drives a chain, and the force of Toda.
+// Sine, cosine, exponential and waveforms, written from docs/KERNEL.md alone: what drives a chain, and what exponential bonds take.
 // A time or an angle is a pair of doubles whose sum is meant.
 
 import { fromHex, powerOfTwo } from "./kernel.js";

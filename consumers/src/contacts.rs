@@ -76,8 +76,7 @@ impl Contacts {
     pub fn observe(&mut self, frame: &Frame<'_>) -> &[u8] {
         let all = self.chain.contact_count();
         if self.chain.is_ring {
-            let [approach_m, _] = self.chain.wall_approaches_m(frame.u_m, frame.extra);
-            self.classes[all] = class(self.chain.wall(0).overlap_m(approach_m), self.tolerance_m);
+            self.classes[all] = class(self.chain.overlap_m(frame.u_m, all), self.tolerance_m);
         }
         let places = self.seen.renew(frame.moving()).contacts(all).within(0..all);
         let contacts = places.len();

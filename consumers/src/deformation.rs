@@ -31,7 +31,6 @@ use crate::theory::{Coefficients, ContinuumWave, SolitaryWave, Strength, WaveSca
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
-use schemas::term::Term;
 
 /// Speeds are measured between the contacts this far before and behind.
 pub const BASELINE: u64 = 5;
@@ -197,14 +196,7 @@ impl Deformations {
         let sample = |contact: u64| {
             // contacts are below N, which is an index
             let c = usize::try_from(contact).unwrap_or(usize::MAX);
-            let (overlap_m, rate_m_s) = if c < chain.contact_count() {
-                (chain.overlap_m(frame.u_m, c), frame.v_m_s[c] - frame.v_m_s[c + 1])
-            } else {
-                // the contact that closes a ring stands in the place of the left wall
-                let [approach_m, _] = chain.wall_approaches_m(frame.u_m, frame.extra);
-                let [rate_m_s, _] = chain.wall_approach_rates_m_s(frame.v_m_s, frame.time_s);
-                (chain.wall(0).overlap_m(approach_m), rate_m_s)
-            };
+            let (overlap_m, rate_m_s) = (chain.overlap_m(frame.u_m, c), chain.across(frame.v_m_s, c));
             Sample { time_s: frame.time_s, overlap_m, rate_m_s }
         };
         for followed in &mut self.contacts {
@@ -231,7 +223,7 @@ impl Deformations {
     fn result(&self, followed: &Followed) -> Deformation {
         let c = usize::try_from(followed.contact).unwrap_or(usize::MAX);
         let (samples, law) = (followed.pulse.samples(), &self.chain.law);
-        let force = |overlap_m| self.force_n(c, overlap_m);
+        let force = |overlap_m| self.chain.force_n(c, overlap_m);
         let measured =
             if self.chain.is_pressed() { Err(Untold::Loaded) } else { followed.pulse.shape(force) };
         let compare = |wave: Result<Wave, String>| {
@@ -252,16 +244,6 @@ impl Deformations {
             samples: samples.to_vec(),
             measured,
         }
-    }
-
-    /// Force (N) of contact `c` without damping.
-    fn force_n(&self, c: usize, overlap_m: f64) -> f64 {
-        if c < self.chain.contact_count() {
-            return self.chain.force_n(c, overlap_m);
-        }
-        let by_law = self.chain.law.force(plain::stiffness(&self.chain, c), overlap_m);
-        let force_n = |sum, term: &Term| sum + term.law.force(term.wall_stiffness[0], overlap_m);
-        self.chain.terms.iter().fold(by_law, force_n)
     }
 
     /// Checks that nothing acts on the beads around contact `c` but their contacts, all equal, and that neither an end of
@@ -289,7 +271,7 @@ impl Deformations {
 
     fn compare(&self, c: usize, shape: &Shape, samples: &[Sample], wave: Wave) -> Result<Comparison, String> {
         let coefficients = wave.coefficients();
-        let (mass_kg, stiffness) = (self.chain.mass_kg[c], plain::stiffness(&self.chain, c));
+        let (mass_kg, stiffness) = (self.chain.mass_kg[c], self.chain.stiffness_of(c));
         // δ_peak = C_δ·(m·v_max²/k)^(1/(α+1))
         let power = (shape.overlap_m / coefficients.overlap).powf(0.5 * (coefficients.alpha + 1.0));
         let strength = Strength::PeakVelocity { m_s: (stiffness / mass_kg).sqrt() * power };

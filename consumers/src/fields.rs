@@ -12,7 +12,7 @@ pub enum Field {
     Velocity,
     /// Displacement of each bead (m).
     Displacement,
-    /// Overlap of each contact between two beads (m); below 0 it is open.
+    /// Overlap of each contact between two beads (m), in a ring with the one that closes it; below 0 it is open.
     Overlap,
     /// Energy of each bead (J), with its share of its contacts: the energy density ([`bead_energies_j`]).
     Energy,
@@ -53,8 +53,7 @@ impl Field {
 
     /// Number of values: one a bead or one a contact.
     pub fn place_count(self, manifest: &RunManifest) -> usize {
-        let contacts = manifest.contact_count();
-        if self == Self::Overlap { contacts } else { contacts + 1 }
+        if self == Self::Overlap { manifest.all_contact_count() } else { manifest.contact_count() + 1 }
     }
 
     /// Kind of a place that has a value: `bead` or `contact`.
@@ -66,7 +65,7 @@ impl Field {
     pub fn values<'a>(self, chain: &'a Chain, frame: &Frame<'a>) -> impl Iterator<Item = f64> + use<'a> {
         let (u_m, v_m_s) = (frame.u_m, frame.v_m_s);
         let energies_j = if self == Self::Energy { bead_energies_j(chain, frame) } else { Vec::new() };
-        let count = if self == Self::Overlap { chain.contact_count() } else { u_m.len() };
+        let count = if self == Self::Overlap { chain.all_contact_count() } else { u_m.len() };
         (0..count).map(move |place| match self {
             Self::Velocity => v_m_s[place],
             Self::Displacement => u_m[place],
@@ -78,8 +77,7 @@ impl Field {
     /// Differences between the values in `frame` and those at rest. They equal the values, but for overlaps of a loaded chain.
     pub fn deviations<'a>(self, chain: &'a Chain, frame: &Frame<'a>) -> impl Iterator<Item = f64> + use<'a> {
         let u_m = frame.u_m;
-        let closer = move |contact: usize| u_m[contact] - u_m[contact + 1];
         let values = self.values(chain, frame).enumerate();
-        values.map(move |(place, value)| if self == Self::Overlap { closer(place) } else { value })
+        values.map(move |(place, value)| if self == Self::Overlap { chain.across(u_m, place) } else { value })
     }
 }

@@ -89,12 +89,12 @@ class State:
 
     @cached_property
     def overlap_m(self) -> Doubles:
-        """Overlap of each contact between two beads (m), N − 1 values; below 0 it is open."""
+        """Overlap of each contact between two beads (m), N − 1 values, in a ring N; below 0 it is open."""
         return self._field("overlap")
 
     @cached_property
     def force_n(self) -> Doubles:
-        """Force of each contact between two beads (N), N − 1 values, damping and load included."""
+        """Force of each contact between two beads (N), N − 1 values, in a ring N, damping and load included."""
         return self._field("force")
 
     @cached_property
@@ -259,17 +259,17 @@ class Recording(Analyses):
 
     @cached_property
     def stiffness(self) -> Doubles:
-        """Stiffness of each contact (N·m^−α), N − 1 values; 0 of bonds."""
+        """Stiffness of each contact (N·m^−α), N − 1 values, in a ring N; 0 of bonds."""
         return _read_only(self._manifest.stiffness)
 
     @cached_property
     def rest_overlap_m(self) -> Doubles:
-        """Overlap of each contact at rest (m), N − 1 values; 0 without a load."""
+        """Overlap of each contact at rest (m), N − 1 values, in a ring N; 0 without a load."""
         return _read_only(self._manifest.rest_overlap_m)
 
     @cached_property
     def rest_force_n(self) -> Doubles:
-        """Force of each contact at rest (N), N − 1 values; 0 without a load."""
+        """Force of each contact at rest (N), N − 1 values, in a ring N; 0 without a load."""
         return _read_only(self._manifest.rest_force_n)
 
     @cached_property
@@ -337,7 +337,7 @@ class Recording(Analyses):
     def _field(self, name: FieldName) -> FieldArray:
         if name in PARTS and name not in self._parts:
             raise AttributeError(f"the run has no {PARTS[name]}, so no {name}", name=name, obj=self)
-        places = {"bead": self.beads, "contact": self.beads - 1, "drive": self._manifest.rows[2]}[FIELDS[name][1]]
+        places = {"bead": self.beads, "contact": self.stiffness.size, "drive": self._manifest.rows[2]}[FIELDS[name][1]]
         return FieldArray(self, name, range(len(self.steps)), range(places))
 
     def _gather(self, name: FieldName, steps: Numbers, places: Numbers) -> Doubles:
@@ -363,12 +363,12 @@ class Recording(Analyses):
 
     @property
     def overlap(self) -> FieldArray:
-        """Overlaps of the contacts between beads (m), shape (steps, N − 1), computed when they are needed."""
+        """Overlaps of the contacts between beads (m), shape (steps, N − 1), in a ring N, computed when they are needed."""
         return self._field("overlap")
 
     @property
     def force(self) -> FieldArray:
-        """Forces of the contacts between beads (N), shape (steps, N − 1), computed when they are needed."""
+        """Forces of the contacts between beads (N), shape (steps, N − 1), in a ring N, computed when they are needed."""
         return self._field("force")
 
     @property

@@ -40,9 +40,9 @@ def dataset(rec: Recording, steps: range | Numbers, fields: Sequence[str] | None
         "time": ("time", kept * rec.dt_s, {"units": "s", "long_name": "time"}),
         "step": ("time", kept, {"long_name": "step"}),
         "bead": ("bead", np.arange(rec.beads), {"long_name": "bead"}),
-        "contact": ("contact", np.arange(rec.beads - 1), {"long_name": "contact"}),
+        "contact": ("contact", np.arange(rec.stiffness.size), {"long_name": "contact"}),
         "mass_kg": ("bead", rec.mass_kg, {"units": "kg", "long_name": "mass"}),
-        "stiffness": ("contact", rec.stiffness[: rec.beads - 1], {"units": "N m^-alpha", "long_name": "stiffness"}),
+        "stiffness": ("contact", rec.stiffness, {"units": "N m^-alpha", "long_name": "stiffness"}),
     }
     physics = rec.manifest["physics"]
     if "bonds" in physics:

@@ -37,7 +37,7 @@ impl Field {
             Self::Displacement | Self::Velocity | Self::ResonatorDisplacement | Self::ResonatorVelocity => {
                 chain.bead_count()
             }
-            Self::Overlap | Self::Force => chain.contact_count(),
+            Self::Overlap | Self::Force => chain.all_contact_count(),
         }
     }
 
@@ -104,6 +104,15 @@ impl Wanted<'_> {
             (Places::List(list), _) => row.iter_mut().zip(*list).for_each(|(to, place)| *to = value(*place)),
         }
     }
+}
+
+/// A number of each contact, in a ring with the one that closes it.
+pub(crate) fn of_contacts<'py>(
+    py: Python<'py>,
+    chain: &Chain,
+    number: fn(&Chain, usize) -> f64,
+) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_iter(py, (0..chain.all_contact_count()).map(|contact| number(chain, contact)))
 }
 
 /// The values of `field` in a state.

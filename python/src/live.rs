@@ -5,7 +5,7 @@ mod shared;
 
 use crate::arrays::{StateTuple, state_of};
 use crate::errors::Why;
-use crate::fields::field_of;
+use crate::fields::{field_of, of_contacts};
 use crate::patience::{LOOK, stoppable};
 use crate::run::set_writeable;
 use bus::{AttachOptions, BORROWED, Bus, Delivery, LiveSource, RunInfo, list_runs};
@@ -361,13 +361,13 @@ impl Live {
     /// Stiffness of each contact (N·m^−α).
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Array<'py> {
-        self.run.chain.stiffness.to_pyarray(py)
+        of_contacts(py, &self.run.chain, Chain::own_stiffness)
     }
 
     /// Overlap of each contact at rest (m).
     #[getter]
     fn rest_overlap_m<'py>(&self, py: Python<'py>) -> Array<'py> {
-        self.run.chain.rest_overlap_m.to_pyarray(py)
+        of_contacts(py, &self.run.chain, Chain::rest_m)
     }
 
     /// The next frame, if it is there.

@@ -1,7 +1,7 @@
 //! A run before it runs: its configuration, and what the engine makes of it.
 
 use crate::errors::Why;
-use crate::fields::{Parts, energy_j, field_of, parts_of, wall_forces_n};
+use crate::fields::{Parts, energy_j, field_of, of_contacts, parts_of, wall_forces_n};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -184,17 +184,17 @@ impl Manifest {
 
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.chain.own_stiffness().to_pyarray(py)
+        of_contacts(py, &self.chain, Chain::own_stiffness)
     }
 
     #[getter]
     fn rest_overlap_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.chain.rest_overlap_m.to_pyarray(py)
+        of_contacts(py, &self.chain, Chain::rest_m)
     }
 
     #[getter]
     fn rest_force_n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.chain.rest_force_n.to_pyarray(py)
+        of_contacts(py, &self.chain, Chain::rest_n)
     }
 }
 

@@ -139,6 +139,12 @@ def test_spheres_and_every_other_contact_can_be_said() -> None:
     # the momentum goes round, and the ring is closed: bead 5 feels bead 0 at once
     assert rec[-1].velocity_m_s.sum() == pytest.approx(1.0, rel=1e-12)
     assert abs(rec[10].velocity_m_s[5]) > 1e-3
+    # the last contact closes it
+    state = rec[-1]
+    overlap_m = state.displacement_m - np.roll(state.displacement_m, -1)
+    assert np.array_equal(state.overlap_m, overlap_m) and np.array_equal(rec.overlap[-1], overlap_m)
+    assert state.force_n == pytest.approx(np.expm1(overlap_m), rel=1e-12)
+    assert rec.force.shape == (len(rec.steps), 6) and rec.stiffness.size == rec.rest_force_n.size == 6
     of_each = bl.Chain(
         4, mass_kg=1e-3, alpha=1.5, stiffness=1e7, alphas=[1.5, 2.0, 1.5], gaps_m=np.array([0.0, 1e-6, 0.0])
     )

@@ -208,9 +208,30 @@ impl Chain {
         self.contact_count() + usize::from(self.is_ring)
     }
 
-    /// Overlap (m) of contact `contact` for the displacements `u_m` (N values, m).
+    /// The value of the bead on the left of contact `contact` less that of the bead on its right: of displacements (m) how much the two are
+    /// nearer than at rest, of velocities (m/s) how fast they approach. Contact N − 1 closes a ring.
+    pub fn across(&self, values: &[f64], contact: usize) -> f64 {
+        values[contact] - values[if contact < self.contact_count() { contact + 1 } else { 0 }]
+    }
+
+    /// Stiffness (N·m^−α) of contact `contact` by the law of the chain alone; contact N − 1 closes a ring.
+    pub fn stiffness_of(&self, contact: usize) -> f64 {
+        self.stiffness.get(contact).copied().unwrap_or(self.walls.left.stiffness)
+    }
+
+    /// Overlap (m) of the same when the chain is at rest.
+    pub fn rest_m(&self, contact: usize) -> f64 {
+        self.rest_overlap_m.get(contact).copied().unwrap_or(self.walls.left.rest_overlap_m)
+    }
+
+    /// Force (N) of the same when the chain is at rest.
+    pub fn rest_n(&self, contact: usize) -> f64 {
+        self.rest_force_n.get(contact).copied().unwrap_or(self.walls.left.rest_force_n)
+    }
+
+    /// Overlap (m) of the same for the displacements `u_m` (N values, m).
     pub fn overlap_m(&self, u_m: &[f64], contact: usize) -> f64 {
-        u_m[contact] - u_m[contact + 1] + self.rest_overlap_m[contact]
+        self.across(u_m, contact) + self.rest_m(contact)
     }
 
     /// Force (N) of contact `contact` without damping, that at rest included, at the displacements `u_m` (N values, m).
@@ -220,8 +241,8 @@ impl Chain {
 
     /// The same at an overlap (m).
     pub fn force_n(&self, contact: usize, overlap_m: f64) -> f64 {
-        let by_law = self.law.force(self.stiffness[contact], overlap_m);
-        self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness[contact], overlap_m))
+        let by_law = self.law.force(self.stiffness_of(contact), overlap_m);
+        self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness_of(contact), overlap_m))
     }
 
     /// True if the forces of `contacts` are one power of the overlap, that of the chain's law, and no springs hold beads.
@@ -230,14 +251,11 @@ impl Chain {
         !self.is_bonded && !self.sites.has_springs() && self.terms.iter().all(none)
     }
 
-    /// Stiffness of each contact (N·m^−α), with its own exponent α where contacts have several.
-    pub fn own_stiffness(&self) -> Vec<f64> {
-        let of_term = |contact: usize| {
-            let powers = self.terms.iter().filter(|term| term.law.exponent().is_some());
-            powers.map(|term| term.stiffness[contact]).find(|k| *k != 0.0)
-        };
-        let own = |(contact, k): (usize, &f64)| if *k == 0.0 { of_term(contact).unwrap_or(0.0) } else { *k };
-        self.stiffness.iter().enumerate().map(own).collect()
+    /// Stiffness (N·m^−α) of contact `contact`, with its own exponent α where contacts have several; contact N − 1 closes a ring.
+    pub fn own_stiffness(&self, contact: usize) -> f64 {
+        let powers = self.terms.iter().filter(|term| term.law.exponent().is_some());
+        let of_terms = powers.map(|term| term.stiffness_of(contact));
+        [self.stiffness_of(contact)].into_iter().chain(of_terms).find(|k| *k != 0.0).unwrap_or(0.0)
     }
 
     /// Forces (N) of the contacts with the left and the right wall, forces at rest included. In a ring the first is the force of

@@ -495,7 +495,7 @@ impl RunConfig {
     }
 
     /// The method of a configuration that names none: the usual one, or one that takes forces of velocities if there are any.
-    fn default_method(&self) -> Method {
+    pub(crate) fn default_method(&self) -> Method {
         let is_slowed = self.on_site.drag_n_s_per_m.is_some()
             || [self.ends.left, self.ends.right].contains(&End::Absorbing);
         let features = [(Feature::Damping, self.damping.is_some()), (Feature::Drag, is_slowed)];

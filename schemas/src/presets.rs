@@ -7,7 +7,6 @@ use crate::config::{
     OnSite, RunConfig, StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
 };
 use crate::credit::Credit;
-use crate::method::Method;
 
 /// A configuration with a name and a sentence about it.
 #[derive(Debug, Clone, Copy)]
@@ -109,10 +108,7 @@ pub const PRESETS: [Preset; 23] = [
         about: "60 beads with a coefficient of restitution of 0.95: the pulse decays",
         beads: 60,
         duration_s: 0.006,
-        change: |config| {
-            config.damping = Some(DampingConfig::Restitution(0.95));
-            config.integrator.method = Method::Rk5;
-        },
+        change: |config| config.damping = Some(DampingConfig::Restitution(0.95)),
     },
     Preset {
         name: "band-gap",
@@ -170,13 +166,7 @@ pub const PRESETS: [Preset; 23] = [
         duration_s: 0.05,
         change: field::resonators,
     },
-    Preset {
-        name: "toda",
-        about: "200 masses on the springs of Toda, a soliton of his in their middle: it stays as it is",
-        beads: 200,
-        duration_s: 60.0,
-        change: field::toda,
-    },
+    field::SOLITON,
     Preset {
         name: "piston",
         about: "200 beads and a wall that moves at 1 m/s: a shock of solitary waves runs ahead of it",
@@ -248,6 +238,7 @@ impl Preset {
             provenance: Credit::default(),
         };
         (self.change)(&mut config);
+        config.integrator.method = config.default_method();
         config
     }
 }

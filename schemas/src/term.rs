@@ -176,3 +176,10 @@ pub struct Term {
     /// The same of the contacts with the left and the right wall; in a ring the first is that of its last contact.
     pub wall_stiffness: [f64; 2],
 }
+
+impl Term {
+    /// Its stiffness at contact `contact`; contact N − 1 closes a ring.
+    pub fn stiffness_of(&self, contact: usize) -> f64 {
+        self.stiffness.get(contact).copied().unwrap_or(self.wall_stiffness[0])
+    }
+}

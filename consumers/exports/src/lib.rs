@@ -190,11 +190,10 @@ fn chain_table(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Table, W
     ];
     let mut table = Table::create(path, &columns, replace)?;
     let chain = excerpt.manifest.physics.chain();
-    let stiffness = chain.own_stiffness();
     for bead in excerpt.beads.clone() {
         table.integer(bead as u64).double(chain.mass_kg[bead]);
         if excerpt.contacts().contains(&bead) {
-            table.double(stiffness[bead]).double(chain.rest_overlap_m[bead]);
+            table.double(chain.own_stiffness(bead)).double(chain.rest_overlap_m[bead]);
         } else {
             table.empty().empty();
         }

@@ -173,7 +173,8 @@ impl Zip {
         let numbers: Vec<u8> = beads.clone().flat_map(|bead| (bead as u64).to_le_bytes()).collect();
         self.array("bead", "<i8", &[beads.len() as u64], &numbers)?;
         self.doubles("mass_kg", &chain.mass_kg[beads])?;
-        self.doubles("stiffness", &chain.own_stiffness()[contacts.clone()])?;
+        let stiffness: Vec<f64> = contacts.clone().map(|contact| chain.own_stiffness(contact)).collect();
+        self.doubles("stiffness", &stiffness)?;
         self.doubles("rest_overlap_m", &chain.rest_overlap_m[contacts])
     }
 

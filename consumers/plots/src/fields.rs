@@ -99,7 +99,8 @@ fn profile_panel(manifest: &RunManifest, frame: &Frame<'_>, field: Field, places
     let curve = marked(Curve::line(name, points(values)), places);
     let mut panel = Panel::new().x_axis(x).y_axis(y).curve(curve).note(beyond_note(field, values, shown));
     if is_loaded {
-        let rest = points(&chain.rest_overlap_m[places.clone()]);
+        let rest: Vec<f64> = places.clone().map(|contact| chain.rest_m(contact)).collect();
+        let rest = points(&rest);
         panel = panel.curve(Curve::line("at rest", rest).colour(Colour::Grey).stroke(Stroke::Dashed).thin());
     }
     panel

@@ -25,8 +25,7 @@ impl Watched {
     pub fn new(manifest: &RunManifest) -> Self {
         let strip = |field: Field| {
             Strip::new(match field {
-                Field::Overlap => manifest.contact_count(),
-                Field::Contacts => manifest.all_contact_count(),
+                Field::Overlap | Field::Contacts => manifest.all_contact_count(),
                 _ => manifest.contact_count() + 1,
             })
         };

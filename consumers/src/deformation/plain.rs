@@ -47,7 +47,7 @@ impl Plain {
             beads.clone().any(value)
         };
         let masses = beads.clone().map(|bead| chain.mass_kg[bead]);
-        let stiffnesses = contacts.clone().map(|contact| stiffness(chain, contact));
+        let stiffnesses = contacts.clone().map(|contact| chain.stiffness_of(contact));
         let of_chain = [
             (differ(masses) || differ(stiffnesses), "beads or contacts differ"),
             (self.is_lossless && chain.damping.is_some(), "contacts dissipate"),
@@ -55,7 +55,7 @@ impl Plain {
                 !contacts.clone().all(|contact| is_one_power(chain, contact)),
                 "contacts have more than one power of the overlap, or springs hold the beads",
             ),
-            (contacts.clone().any(|contact| rest_overlap_m(chain, contact) != 0.0), "contacts have gaps"),
+            (contacts.clone().any(|contact| chain.rest_m(contact) != 0.0), "contacts have gaps"),
             (acts(&chain.sites.resonator_kg), "beads have resonators"),
             (self.is_lossless && acts(&chain.sites.drag_n_s_per_m), "drag acts on beads"),
         ];
@@ -94,15 +94,6 @@ pub(super) fn beads_in_motion(physics: &Physics) -> Vec<usize> {
     let rest_m_s = REST * physics.scales().speed_m_s();
     let moves = |bead: &usize| (v_m_s[*bead] - common_m_s).abs() > rest_m_s;
     (0..v_m_s.len()).filter(moves).collect()
-}
-
-/// Stiffness (N·m^−α) of a contact, by the law of the chain alone; contact N − 1 closes a ring.
-pub(super) fn stiffness(chain: &Chain, contact: usize) -> f64 {
-    chain.stiffness.get(contact).copied().unwrap_or(chain.walls.left.stiffness)
-}
-
-fn rest_overlap_m(chain: &Chain, contact: usize) -> f64 {
-    chain.rest_overlap_m.get(contact).copied().unwrap_or(chain.walls.left.rest_overlap_m)
 }
 
 fn is_one_power(chain: &Chain, contact: usize) -> bool {

@@ -169,9 +169,6 @@ fn wall(chain: &Chain, side: Side) -> &Wall {
     }
 }
 
-/// The contact that closes a ring, among the walls: a chain keeps it as its left one.
-const CLOSING: Place = Place::Wall(Side::Left);
-
 /// Reads frames of one chain as sensors at its places do.
 #[derive(Debug, Clone)]
 pub struct Sensors {
@@ -215,15 +212,9 @@ impl Sensors {
                 let [left, right] = self.sides(bead);
                 0.5 * (self.rest_force_n(left) + self.rest_force_n(right))
             }
-            Place::Contact(contact) if self.closes(contact) => self.rest_force_n(CLOSING),
-            Place::Contact(contact) => self.chain.rest_force_n[contact],
+            Place::Contact(contact) => self.chain.rest_n(contact),
             Place::Wall(side) => wall(&self.chain, side).rest_force_n,
         }
-    }
-
-    /// True for the contact that closes a ring.
-    fn closes(&self, contact: usize) -> bool {
-        contact == self.chain.contact_count()
     }
 
     fn sides(&self, bead: usize) -> [Place; 2] {
@@ -241,9 +232,8 @@ impl Sensors {
     fn touch(&self, frame: &Frame<'_>, place: Place) -> (f64, f64) {
         let (u, v) = (frame.u_m, frame.v_m_s);
         match place {
-            Place::Contact(contact) if self.closes(contact) => self.touch(frame, CLOSING),
             Place::Contact(contact) | Place::Bead(contact) => {
-                (self.chain.overlap_m(u, contact), v[contact] - v[contact + 1])
+                (self.chain.overlap_m(u, contact), self.chain.across(v, contact))
             }
             Place::Wall(side) => {
                 let side = usize::from(side == Side::Right);

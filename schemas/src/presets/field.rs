@@ -1,5 +1,6 @@
 //! Changes of the presets beyond one struck bead: drives, laws, initial states, disorder, ends.
 
+use super::Preset;
 use crate::bath::Bath;
 use crate::beads::Beads;
 use crate::config::{
@@ -9,7 +10,6 @@ use crate::config::{
 use crate::drive::{Drive, Place, Quantity, Side, Sine, Waveform};
 use crate::functions::{exp, ln};
 use crate::material::Material;
-use crate::method::Method;
 use crate::term::{Spring, TermLaw, Toda};
 
 /// Removes the striker and shakes the left wall by a sine of that amplitude (m) and frequency (Hz), which grows over ten periods.
@@ -55,7 +55,6 @@ pub(super) fn band_gap(config: &mut RunConfig) {
     config.chain.masses = MassRule::PatternKg(vec![2e-3, 1e-3]);
     config.ends.right = End::Absorbing;
     config.ends.absorbing_beads = Some(60);
-    config.integrator.method = Method::Rk5;
     sparse(config, 10);
 }
 
@@ -100,13 +99,11 @@ pub(super) fn driven_damped(config: &mut RunConfig) {
     config.ends.left = End::Free;
     (config.drive[0].at, config.drive[0].prescribes) = (Place::Bead(0), Quantity::Force);
     config.damping = Some(DampingConfig::ViscousNSPerM(0.5));
-    config.integrator.method = Method::Rk5;
     sparse(config, 5);
 }
 
 pub(super) fn absorbing(config: &mut RunConfig) {
     config.ends.right = End::Absorbing;
-    config.integrator.method = Method::Rk5;
     sparse(config, 10);
 }
 
@@ -118,12 +115,19 @@ pub(super) fn resonators(config: &mut RunConfig) {
         Some(Resonators { mass_kg: Profile::Same(0.5e-3), stiffness_n_per_m: Profile::Same(5e4) });
     config.ends.right = End::Absorbing;
     config.ends.absorbing_beads = Some(60);
-    config.integrator.method = Method::Rk5;
     sparse(config, 10);
 }
 
+pub(super) const SOLITON: Preset = Preset {
+    name: "toda",
+    about: "200 masses on the springs of Toda, a soliton of his in their middle: it stays as it is",
+    beads: 200,
+    duration_s: 60.0,
+    change: soliton,
+};
+
 /// `u = ln(cosh(x − κ)/cosh x) + κ` and `v = sinh κ·(tanh x − tanh(x − κ))` with `x = κ·(i − 50)` and κ = 1.
-pub(super) fn toda(config: &mut RunConfig) {
+fn soliton(config: &mut RunConfig) {
     bonded(config, &[(TermLaw::Toda(Toda(1.0)), 1.0)]);
     let x = |bead: u32| f64::from(bead) - 50.0;
     // ln cosh x without overflow
