@@ -47,7 +47,8 @@ function scaledUnit(/** @type {string} */ unit, /** @type {number} */ exponent) 
   if (exponent === 0) {
     return unit;
   }
-  const prefix = PREFIXABLE.test(unit) ? PREFIXES.get(exponent) : undefined;
+  const isLong = unit === "s" && exponent > 0;
+  const prefix = PREFIXABLE.test(unit) && !isLong ? PREFIXES.get(exponent) : undefined;
   return prefix === undefined ? `10${raised(exponent)} ${unit}`.trim() : prefix + unit;
 }
 
@@ -118,7 +119,7 @@ export function ticks({ from, to, name, unit = "", whole = false, prefixed = fal
   if (prefixed || unit === "m" || unit === "J" || isFar || reach >= 1e5 || usual.power < -2) {
     exponent = thousands(reach);
   }
-  if ((unit === "s" && exponent > 0) || (whole && reach < 1e6)) {
+  if (((unit === "s" && exponent > 0) || whole) && reach < 1e6) {
     exponent = 0;
   }
   const decimals = Math.max(0, exponent - step.power);

@@ -50,6 +50,8 @@ function order(a, b, direction) {
   return direction * (isNumber ? a - b : String(a).localeCompare(String(b), undefined, { numeric: true }));
 }
 
+/** Columns that are left out first where there is no room. */
+const isMinor = (/** @type {string} */ name) => /uncertainty|sha256/.test(name);
 /** Columns of a table. */
 const MOST_COLUMNS = 24;
 /** Rows that are there at once: each has a picture, and a tab does not bear 10,000 of them. */
@@ -70,6 +72,7 @@ export function folderTable(entries, { keys, isDark, more }, onopen, paint) {
   const differing = names.filter((name) => new Set(shown.map((row) => row.traits[name])).size > 1);
   const swept = keys.filter((key) => names.includes(key));
   const others = differing.filter((name) => !swept.includes(name));
+  others.sort((a, b) => Number(isMinor(a)) - Number(isMinor(b)));
   const known = [...swept, ...others];
   const columns = (known.length > 0 ? known : ["beads", "step_count"]).slice(0, MOST_COLUMNS);
   let sortedBy = "";
@@ -183,6 +186,7 @@ export function folderTable(entries, { keys, isDark, more }, onopen, paint) {
     body.replaceChildren(...looked.slice(0, MOST_ROWS).map(({ row }) => lineOf(row)));
     const left = [
       looked.length > MOST_ROWS ? `${looked.length - MOST_ROWS} more rows: filter, or sort by another column.` : "",
+      known.length > columns.length ? `${known.length - columns.length} more columns have no room here: a filter can name them.` : "",
       more > 0 ? `${more} more files are here, which are not listed: view a part of them by their names.` : "",
     ];
     rest.textContent = left.filter(Boolean).join(" ");

@@ -315,7 +315,7 @@ function checkEnds(physics) {
   }
   const isSlowed = isAbsorbing || site?.drag_n_s_per_m !== undefined;
   const isBeyond = physics.alphas !== undefined || Boolean(physics.second || physics.bonds);
-  const needsRk5 = damping?.kuwabara_kono_s !== undefined || damping?.power !== undefined;
+  const needsRunge = damping?.kuwabara_kono_s !== undefined || damping?.power !== undefined;
   if (damping && isBeyond && damping.viscous_n_s_per_m === undefined) {
     refuse("damping", damping, "viscous_n_s_per_m where contacts are not one power of one exponent");
   }
@@ -323,7 +323,7 @@ function checkEnds(physics) {
   const hasBaths = physics.baths?.length > 0;
   const isMore = isBeyond || hasSite || physics.resonators || physics.drives?.length > 0 || hasBaths || isRing || isSlowed;
   const isSplit = ["velocity-verlet", "rkn4"].includes(method);
-  if ((method === "gear5" && (needsRk5 || isMore)) || (isSplit && (damping || isSlowed)) || (hasBaths && !isSplit)) {
+  if ((method === "gear5" && (needsRunge || isMore)) || (isSplit && (damping || isSlowed)) || (hasBaths && !isSplit)) {
     refuse("method", method, "one that takes these forces");
   }
 }

@@ -181,8 +181,8 @@ export class Timeline {
     byId("time").textContent = time;
     const { events, births } = this.marks(bead);
     const ticks = [
-      births.length > 0 ? `upper ticks: ${births.length} pulses begin` : "",
-      events.length > 0 ? `lower ticks: ${events.length} events of bead ${bead}` : "",
+      births.length > 0 ? `upper ticks: ${births.length} ${births.length === 1 ? "pulse begins" : "pulses begin"}` : "",
+      events.length > 0 ? `lower ticks: ${events.length} ${events.length === 1 ? "event" : "events"} of bead ${bead}` : "",
     ];
     byId("ticks").textContent = ticks.filter(Boolean).join("; ");
     byId("at").textContent = `step ${step} of ${run.info.lastStep}`;

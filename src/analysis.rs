@@ -7,7 +7,7 @@ pub(crate) use outputs::{Kept, Outputs};
 use crate::args::{AnalysisArgs, FramesArgs};
 use crate::display::{self, count, counted};
 use crate::failure::{BadInput as _, Done, Failure};
-use crate::frames::{Frames, FramesError, is_of_a_file};
+use crate::frames::{Frames, FramesError, attach, is_of_a_file, tell};
 use crate::outputs::check_outputs;
 use crate::progress::Progress;
 use crate::report::{Rows, report};
@@ -80,7 +80,8 @@ impl<'a> Session<'a> {
         let (source, live) = match &args.source {
             Named::Live(name) => {
                 let bus = Bus::from_env()?;
-                let live = crate::frames::attach(&bus, name.as_ref(), args, label, &stop)?;
+                let asked = (args.latest, args.timeout);
+                let live = attach(&bus, name.as_ref(), label, asked, &stop, tell)?;
                 display::notice_of_bus(&bus);
                 let stream = live.stream();
                 (Source::Live(Box::new(live)), Some((bus, stream)))
@@ -141,7 +142,7 @@ impl<'a> Session<'a> {
     /// Feeds every frame to `analysis`, with a progress bar.
     pub(crate) fn follow(
         &mut self,
-        analysis: &mut impl FrameObserver<Error = AnalysisError>,
+        analysis: &mut impl FrameObserver<Error: Into<Error>>,
     ) -> Result<Tally, Failure> {
         let manifest = self.source.manifest();
         let mut progress = Progress::of_run(manifest);
@@ -168,7 +169,7 @@ impl<'a> Session<'a> {
                 Err(Failure::BadInput(error.into()))
             }
             Err(FollowError::Source(error)) => Err(error.into()),
-            Err(FollowError::Analysis(error)) => Err(error.into()),
+            Err(FollowError::Analysis(error)) => Err(Failure::Failed(error.into())),
         }
     }
 
@@ -194,7 +195,8 @@ impl<'a> Session<'a> {
         });
         report(self.args.json, &all, || {
             let mut all = Rows::default();
-            all.add("frames", frames_text(tally));
+            let frames = tally.first_frame.zip(tally.last_frame);
+            all.add("frames", display::received(count(tally.frame_count), frames, tally.missed_count));
             all.append(rows);
             all.each("figure", self.figures.iter().map(|path| path.display()));
             let Window { from_s, until_s } = self.window;
@@ -308,14 +310,6 @@ pub(crate) fn window(from_s: f64, until_s: Option<f64>, manifest: &RunManifest) 
         return refuse(format!("the run ends at {} s", display::typed(end_s)));
     }
     Ok(window)
-}
-
-fn frames_text(tally: &Tally) -> String {
-    let range = match (tally.first_frame, tally.last_frame) {
-        (Some(first), Some(last)) => format!(" ({} to {})", count(first), count(last)),
-        _ => String::new(),
-    };
-    format!("{}{range}, {} missed", count(tally.frame_count), count(tally.missed_count))
 }
 
 /// Draws the figures that were asked for.

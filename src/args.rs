@@ -349,7 +349,7 @@ pub(crate) struct Overrides {
     /// A bead that moves at first, and its velocity (m/s), repeatable
     #[arg(long, value_name = "BEAD=M_S", value_parser = parse_pair)]
     pub(crate) striker: Vec<(u64, f64)>,
-    /// Seed of disorder and thermal velocities
+    /// Seed of disorder, thermal velocities, random phases and baths
     #[arg(long, value_name = "N", value_parser = parse_seed)]
     pub(crate) seed: Option<u64>,
     /// Simulated time (s)
@@ -358,8 +358,7 @@ pub(crate) struct Overrides {
     /// Time step (s), or `auto:TOL` to find one with max|ΔE/E| ≤ TOL [default: a fraction of the collision time T]
     #[arg(long, value_name = "S|auto:TOL", value_parser = TimeStep::parse)]
     pub(crate) dt: Option<TimeStep>,
-    /// Integration method: velocity-verlet, rkn4, gear5 or rk5
-    #[arg(long)]
+    #[arg(long, help = format!("Integration method: {}", Method::names()))]
     pub(crate) method: Option<Method>,
     /// Publish every K-th step
     #[arg(long, value_name = "K", value_parser = parse_whole)]

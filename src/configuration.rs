@@ -1,12 +1,11 @@
 //! Makes a manifest from the flags of `run`.
 
-use crate::args::{CheckArgs, CreditArgs, Overrides, RunArgs};
+use crate::args::{CreditArgs, Overrides};
 use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use recording::RecordingInfo;
 use schemas::config::{ConfigError, DRAWS, Impurity, OWN_STIFFNESSES, RunConfig, StrikerConfig, Strikers};
-use schemas::credit::Credit;
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
 use std::fmt::Write;
@@ -36,41 +35,16 @@ impl Configured {
 
 /// The flags that name and change a configuration.
 pub(crate) struct Asked<'a> {
-    config: &'a Option<PathBuf>,
-    preset: &'a str,
-    name: &'a Option<String>,
-    credit: Option<&'a CreditArgs>,
-    overrides: &'a Overrides,
-}
-
-impl<'a> From<&'a RunArgs> for Asked<'a> {
-    fn from(args: &'a RunArgs) -> Self {
-        Self {
-            config: &args.config,
-            preset: &args.preset,
-            name: &args.name,
-            credit: Some(&args.credit),
-            overrides: &args.overrides,
-        }
-    }
-}
-
-impl<'a> From<&'a CheckArgs> for Asked<'a> {
-    fn from(args: &'a CheckArgs) -> Self {
-        Self {
-            config: &args.source,
-            preset: &args.preset,
-            name: &None,
-            credit: None,
-            overrides: &args.overrides,
-        }
-    }
+    pub(crate) config: Option<&'a PathBuf>,
+    pub(crate) preset: &'a str,
+    pub(crate) name: Option<&'a String>,
+    pub(crate) credit: Option<&'a CreditArgs>,
+    pub(crate) overrides: &'a Overrides,
 }
 
 /// Reads the configuration that `args` name and applies the overrides.
-pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Failure> {
-    let args = &args.into();
-    let (text, mut config) = if let Some(path) = &args.config {
+pub(crate) fn configure(args: &Asked<'_>) -> Result<Configured, Failure> {
+    let (text, mut config) = if let Some(path) = args.config {
         let unreadable = || format!("{} cannot be read", path.display());
         let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
         let config = RunConfig::from_toml(&text).map_err(|e| e.located(&text, Some(path))).bad_input()?;
@@ -80,7 +54,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
         (config.to_toml(), config)
     };
     let written = config.clone();
-    let mut replaced = apply(args.overrides, args.name.as_ref(), &mut config);
+    let replaced = apply(args, &mut config);
     let of_bonds = ["--alpha", "--stiffness"];
     if let (Some((_, flag)), true) =
         (replaced.iter().find(|(_, flag)| of_bonds.contains(flag)), config.chain.bonds.is_some())
@@ -90,10 +64,9 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
     if let (Some(seed), false) = (args.overrides.seed, config.draws()) {
         return Err(bad_input!("--seed {seed}: allowed: {DRAWS}"));
     }
-    replaced.extend(args.credit.into_iter().flat_map(|credit| give_credit(credit, &mut config.provenance)));
-    let stem = args.config.as_ref().and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
-    let beside = args.config.as_ref().and_then(|path| path.parent());
-    let located = |error: ConfigError| error.located(&text, args.config.as_deref());
+    let stem = args.config.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
+    let beside = args.config.and_then(|path| path.parent());
+    let located = |error: ConfigError| error.located(&text, args.config.map(PathBuf::as_path));
     config = experiments::prepared(config, beside).map_err(located).bad_input()?;
     let manifest_of = |config: &RunConfig| {
         let manifest =
@@ -101,7 +74,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
                 // a value set by a flag is not in the file
                 match replaced.iter().find(|(key, _)| error.key.starts_with(key)) {
                     Some((_, flag)) => ConfigError { key: format!("{flag} ({})", error.key), ..error },
-                    None => error.located(&text, args.config.as_deref()),
+                    None => located(error),
                 }
             });
         manifest.bad_input()
@@ -114,7 +87,7 @@ pub(crate) fn configure<'a>(args: impl Into<Asked<'a>>) -> Result<Configured, Fa
         manifest = manifest_of(&config)?;
         chosen = Some(measured);
     }
-    if let (None, Some(path), Some(stem)) = (&config.name, &args.config, &stem) {
+    if let (None, Some(path), Some(stem)) = (&config.name, args.config, &stem) {
         let name = &manifest.provenance.name;
         if name.as_str() != stem.as_ref() {
             notice!("{}: the run is called {name}", path.display());
@@ -141,33 +114,19 @@ type Replaced = (&'static str, &'static str);
 
 /// A key of a configuration that the flags replace, if there is one.
 pub(crate) fn replaced_key(overrides: &Overrides) -> Option<&'static str> {
-    apply(overrides, None, &mut PRESETS[0].config()).first().map(|(key, _)| *key)
-}
-
-/// Applies the flags about credit, and names the keys that they replaced.
-fn give_credit(from: &CreditArgs, to: &mut Credit) -> Vec<Replaced> {
-    let texts = [
-        (("provenance.author", "--author"), &from.author, &mut to.author),
-        (("provenance.orcid", "--orcid"), &from.orcid, &mut to.orcid),
-        (("provenance.licence", "--licence"), &from.licence, &mut to.licence),
-        (("provenance.doi", "--doi"), &from.doi, &mut to.doi),
-    ];
-    let given = texts.into_iter().filter(|(_, from, _)| from.is_some());
-    let give = |(by, from, to): (Replaced, &Option<String>, &mut Option<String>)| {
-        to.clone_from(from);
-        by
-    };
-    given.map(give).collect()
+    let asked = Asked { config: None, preset: "", name: None, credit: None, overrides };
+    apply(&asked, &mut PRESETS[0].config()).first().map(|(key, _)| *key)
 }
 
 /// Applies the flags, and names the keys that they replaced.
-fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -> Vec<Replaced> {
+fn apply(args: &Asked<'_>, config: &mut RunConfig) -> Vec<Replaced> {
     fn set<T>(replaced: &mut Vec<Replaced>, by: Replaced, value: &mut T, with: Option<T>) {
         if let Some(with) = with {
             *value = with;
             replaced.push(by);
         }
     }
+    let overrides = args.overrides;
     let mut replaced = Vec::new();
     let r = &mut replaced;
     let impurity = |(bead, mass_kg): &(u64, f64)| Impurity { bead: *bead, mass_kg: *mass_kg };
@@ -180,7 +139,7 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
         all.more = strikers.collect();
         all
     });
-    set(r, ("name", "--name"), &mut config.name, name.map(|name| Some(name.clone())));
+    set(r, ("name", "--name"), &mut config.name, args.name.cloned().map(Some));
     set(r, ("seed", "--seed"), &mut config.seed, overrides.seed);
     set(r, ("chain.beads", "--beads"), &mut config.chain.beads, overrides.beads);
     set(r, ("chain.alpha", "--alpha"), &mut config.chain.alpha, overrides.alpha);
@@ -212,13 +171,20 @@ fn apply(overrides: &Overrides, name: Option<&String>, config: &mut RunConfig) -
         &mut stream.record_every_steps,
         overrides.record_every_steps.or(follows),
     );
+    if let Some(CreditArgs { author, orcid, licence, doi }) = args.credit {
+        let credit = &mut config.provenance;
+        set(r, ("provenance.author", "--author"), &mut credit.author, author.clone().map(Some));
+        set(r, ("provenance.orcid", "--orcid"), &mut credit.orcid, orcid.clone().map(Some));
+        set(r, ("provenance.licence", "--licence"), &mut credit.licence, licence.clone().map(Some));
+        set(r, ("provenance.doi", "--doi"), &mut credit.doi, doi.clone().map(Some));
+    }
     replaced
 }
 
 /// The effective configuration, with a line that says what it was made from, and one about how a time step
 /// was `chosen`.
 fn overridden(args: &Asked<'_>, config: &RunConfig, chosen: Option<&str>) -> String {
-    let mut text = match &args.config {
+    let mut text = match args.config {
         Some(path) => format!("# {}, with values replaced on the command line\n", path.display()),
         None => format!("# preset {}, with values replaced on the command line\n", args.preset),
     };

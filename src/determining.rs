@@ -64,17 +64,9 @@ impl Beside {
 pub(crate) fn table(physics: &Physics, outcome: &Outcome) -> String {
     let heads =
         ["", "unit", "determined", "bounded by", "digits", "error at end: step", "rounding", "largest"];
-    let mut lines = vec![heads.map(str::to_owned)];
-    lines.extend(outcome.quantities.iter().map(|each| line(physics, outcome, each)));
-    let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..heads.len()).map(width).collect();
-    let mut text = String::new();
-    for line in &lines {
-        let cells = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}"));
-        // writing to a String cannot fail
-        let _ = writeln!(text, "  {}", cells.collect::<Vec<_>>().join("  ").trim_end());
-    }
-    text
+    let rows = outcome.quantities.iter().map(|each| line(physics, outcome, each)).collect();
+    let lines = display::aligned(heads.map(|head| (head, 0)), rows, usize::MAX);
+    lines.iter().flat_map(|line| ["  ", line.as_str()]).collect()
 }
 
 fn line(physics: &Physics, outcome: &Outcome, each: &Determined) -> [String; 8] {

@@ -195,15 +195,32 @@ pub(crate) fn end_word(reason: EndReason, as_asked: bool) -> &'static str {
     if as_asked { "as asked" } else { reason.as_str() }
 }
 
-/// Rows of a name and a value, aligned.
-pub(crate) fn rows<N: AsRef<str>>(title: &str, rows: &[(N, String)]) -> String {
-    let width = rows.iter().map(|(name, _)| name.as_ref().chars().count()).max().unwrap_or(0);
-    let mut text = format!("{title}\n");
-    for (name, value) in rows {
-        // writing to a String cannot fail
-        let _ = writeln!(text, "  {:width$}  {value}", name.as_ref());
-    }
-    text
+/// Things that came, of the first to the last of some frames, and the number of those that did not.
+pub(crate) fn received(found: impl Display, frames: Option<(u64, u64)>, missed_count: u64) -> String {
+    let range = frames.map(|(first, last)| format!(" ({} to {})", count(first), count(last)));
+    format!("{found}{}, {} missed", range.unwrap_or_default(), count(missed_count))
+}
+
+/// A line of the names of columns, and one for each row, in as many of the columns as have room.
+pub(crate) fn aligned<const N: usize>(
+    columns: [(&str, u32); N],
+    rows: Vec<[String; N]>,
+    columns_of_terminal: usize,
+) -> Vec<String> {
+    let header = columns.map(|(name, _)| name.to_owned());
+    let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
+    let widths: [usize; N] =
+        std::array::from_fn(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0));
+    let total = |most: u32| -> usize {
+        widths.iter().zip(columns).filter(|(_, (_, rank))| *rank <= most).map(|(width, _)| width + 2).sum()
+    };
+    let most = (0..=3).rev().find(|most| total(*most) - 2 <= columns_of_terminal).unwrap_or(0);
+    let line = |row: &[String; N]| {
+        let shown = (0..N).filter(|column| columns[*column].1 <= most);
+        let cells: Vec<_> = shown.map(|column| format!("{:1$}", row[column], widths[column])).collect();
+        format!("{}\n", cells.join("  ").trim_end())
+    };
+    rows.iter().map(line).collect()
 }
 
 #[cfg(test)]

@@ -41,6 +41,13 @@ pub(crate) enum Failure {
     Failed(Error),
 }
 
+impl Failure {
+    /// It was asked to stop, and has written nothing.
+    pub(crate) fn stopped() -> Self {
+        Self::Stopped(anyhow::anyhow!("stopped: nothing was written"))
+    }
+}
+
 impl<E: Into<Error>> From<E> for Failure {
     fn from(error: E) -> Self {
         Self::Failed(error.into())

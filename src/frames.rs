@@ -2,6 +2,7 @@
 
 use crate::args::FramesArgs;
 use crate::failure::{BadInput, Failure};
+use crate::threads;
 use bus::{AttachError, AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
 use producer::resimulation::{Lend, ParallelError, ParallelResimulation, Resimulation, ResimulationError};
 use schemas::frame::{EndReason, FrameSource, Received, Window};
@@ -62,8 +63,7 @@ impl Frames {
         jobs: Option<NonZero<usize>>,
     ) -> Result<Self, Failure> {
         let (stop, flag) = (source.stop().cloned(), Arc::clone(source.flag()));
-        let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-        let jobs = jobs.unwrap_or_else(cores);
+        let jobs = threads::or_cores(jobs);
         let pays = ParallelResimulation::<Source>::pays(source.manifest());
         // where the system grants no thread, this one computes; the one that tries must be gone before others take its place
         let threads = || std::thread::Builder::new().spawn(|| ()).is_ok_and(|thread| thread.join().is_ok());
@@ -109,24 +109,6 @@ impl FrameSource for Frames {
     }
 }
 
-/// Attaches to a live run, with a notice while there is none.
-pub(crate) fn attach(
-    bus: &Bus,
-    name: Option<&RunName>,
-    args: &FramesArgs,
-    label: &str,
-    stop: &Arc<AtomicBool>,
-) -> Result<LiveSource, Failure> {
-    let options = AttachOptions {
-        label: label.to_owned(),
-        timeout: args.timeout.map(Duration::from_secs_f64),
-        stop: Arc::clone(stop),
-        notice: Arc::new(tell),
-    };
-    let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
-    attach_with(bus, name, delivery, &options)
-}
-
 /// Prints a notice about the cause of an attachment's wait.
 pub(crate) fn tell(notice: &AttachNotice) {
     match notice {
@@ -143,18 +125,24 @@ pub(crate) fn tell(notice: &AttachNotice) {
     }
 }
 
-/// Attaches to a live run.
-pub(crate) fn attach_with(
+/// Attaches to a live run as the consumer `label`, with every frame or the `latest`, and tells `notice` why it waits.
+pub(crate) fn attach(
     bus: &Bus,
     name: Option<&RunName>,
-    delivery: Delivery,
-    options: &AttachOptions,
+    label: &str,
+    (latest, timeout_s): (bool, Option<f64>),
+    stop: &Arc<AtomicBool>,
+    notice: impl Fn(&AttachNotice) + Send + Sync + 'static,
 ) -> Result<LiveSource, Failure> {
-    match LiveSource::attach(bus, name, delivery, options) {
-        Ok(live) => Ok(live),
-        Err(error @ AttachError::SeveralRuns { .. }) => {
-            Err(bad_input!("{error}, as in `beadline {} live:NAME`", options.label))
-        }
-        Err(error) => Err(error.into()),
-    }
+    let options = AttachOptions {
+        label: label.to_owned(),
+        timeout: timeout_s.map(Duration::from_secs_f64),
+        stop: Arc::clone(stop),
+        notice: Arc::new(notice),
+    };
+    let delivery = if latest { Delivery::Latest } else { Delivery::Lossless };
+    LiveSource::attach(bus, name, delivery, &options).map_err(|error| match error {
+        error @ AttachError::SeveralRuns { .. } => bad_input!("{error}, as in `beadline {label} live:NAME`"),
+        error => error.into(),
+    })
 }

@@ -26,6 +26,7 @@ mod resumption;
 mod signals;
 mod stage;
 mod sweep;
+mod threads;
 mod time_step;
 mod uploading;
 

@@ -29,8 +29,9 @@ pub(crate) fn check_figures(figures: &[PathBuf], look: LookArgs) -> Result<(), F
 
 /// Refuses outputs that are named twice, are taken or have no directory.
 pub(crate) fn check_places(outputs: &[&PathBuf], args: &FramesArgs) -> Result<(), Failure> {
+    let place = |path: &&PathBuf| std::path::absolute(path).ok();
     for (i, path) in outputs.iter().enumerate() {
-        if outputs[..i].contains(path) {
+        if outputs[..i].iter().any(|other| place(other) == place(path)) {
             return Err(bad_input!("{} is named for two outputs", path.display()));
         }
         check_place(path, args.source.file(), args.force)?;

@@ -2,49 +2,48 @@
 
 use crate::display::{self, counted, duration};
 use crate::failure::Failure;
+use crate::report::Rows;
 use bus::{Bus, ConsumerEvent, PublishCounts, PublishError, PublishOptions, StatePublisher, WaitOutcome};
 use indicatif::ProgressBar;
 use schemas::frame::{EndReason, Frame, FrameSink};
 use schemas::manifest::RunManifest;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-
-/// Consumers that listen to a run while it goes on.
-pub(crate) trait Audience {
-    /// Answers those who come; one that cannot be answered now is answered at the next frame.
-    fn serve(&mut self);
-    /// Who there is, and what came of it.
-    fn counts(&self) -> PublishCounts;
-    /// Events of consumers since the last call.
-    fn take_events(&mut self) -> Vec<ConsumerEvent>;
-}
-
-impl Audience for StatePublisher {
-    fn serve(&mut self) {
-        let _ = Self::serve(self);
-    }
-
-    fn counts(&self) -> PublishCounts {
-        Self::counts(self)
-    }
-
-    fn take_events(&mut self) -> Vec<ConsumerEvent> {
-        Self::take_events(self)
-    }
-}
+use std::time::Duration;
 
 /// Destination of a run's frames: the bus, or none.
-pub(crate) enum Outlet {
-    Bus(Box<StatePublisher>),
-    Nowhere,
-}
+pub(crate) struct Outlet(pub(crate) Option<StatePublisher>);
 
 impl Outlet {
+    /// Answers consumers who come; one that cannot be answered now is answered at the next frame.
+    pub(crate) fn serve(&mut self) {
+        let _ = self.0.as_mut().map(StatePublisher::serve);
+    }
+
+    /// Who there is, and what came of it.
+    pub(crate) fn counts(&self) -> PublishCounts {
+        self.0.as_ref().map(StatePublisher::counts).unwrap_or_default()
+    }
+
+    /// Events of consumers since the last call.
+    pub(crate) fn take_events(&mut self) -> Vec<ConsumerEvent> {
+        self.0.as_mut().map(StatePublisher::take_events).unwrap_or_default()
+    }
+
     /// As [`StatePublisher::finish`].
     pub(crate) fn finish(self, reason: EndReason) -> Result<PublishCounts, PublishError> {
-        match self {
-            Self::Bus(publisher) => publisher.finish(reason),
-            Self::Nowhere => Ok(PublishCounts::default()),
-        }
+        self.finish_and_wait(reason, &AtomicBool::new(true), Duration::ZERO)
+    }
+
+    /// As [`StatePublisher::finish_and_wait`].
+    pub(crate) fn finish_and_wait(
+        self,
+        reason: EndReason,
+        stop: &AtomicBool,
+        at_most: Duration,
+    ) -> Result<PublishCounts, PublishError> {
+        let finished = self.0.map(|publisher| publisher.finish_and_wait(reason, stop, at_most));
+        finished.unwrap_or(Ok(PublishCounts::default()))
     }
 }
 
@@ -52,43 +51,27 @@ impl FrameSink for Outlet {
     type Error = PublishError;
 
     fn accept(&mut self, frame: &Frame<'_>) -> Result<(), PublishError> {
-        match self {
-            Self::Bus(publisher) => publisher.accept(frame),
-            Self::Nowhere => Ok(()),
-        }
+        self.0.as_mut().map_or(Ok(()), |publisher| publisher.accept(frame))
     }
 }
 
-impl Audience for Outlet {
-    fn serve(&mut self) {
-        if let Self::Bus(publisher) = self {
-            Audience::serve(&mut **publisher);
-        }
-    }
-
-    fn counts(&self) -> PublishCounts {
-        match self {
-            Self::Bus(publisher) => publisher.counts(),
-            Self::Nowhere => PublishCounts::default(),
-        }
-    }
-
-    fn take_events(&mut self) -> Vec<ConsumerEvent> {
-        match self {
-            Self::Bus(publisher) => publisher.take_events(),
-            Self::Nowhere => Vec::new(),
-        }
-    }
-}
-
-/// Registers the run, to which `wait_for` consumers must be able to attach.
+/// Registers the run from `first_frame` on, to which `wait_for` consumers must be able to attach. One that takes nothing for
+/// `stall_timeout_s` is dropped.
 pub(crate) fn open(
     manifest: &RunManifest,
-    options: &PublishOptions,
+    first_frame: u64,
+    stall_timeout_s: f64,
     wait_for: usize,
+    stop: &Arc<AtomicBool>,
 ) -> Result<StatePublisher, Failure> {
     let bus = Bus::from_env()?;
-    let publisher = StatePublisher::create(&bus, manifest, &manifest.physics.chain(), options);
+    let options = PublishOptions {
+        first_frame,
+        stuck_after: Duration::from_secs_f64(stall_timeout_s),
+        stop: Arc::clone(stop),
+        ..PublishOptions::default()
+    };
+    let publisher = StatePublisher::create(&bus, manifest, &manifest.physics.chain(), &options);
     display::notice_of_bus(&bus);
     let publisher = publisher?;
     let most = publisher.max_consumers();
@@ -111,6 +94,16 @@ pub(crate) fn wait_for_consumers(
     Ok(publisher.wait_for(count, stop, None)? == WaitOutcome::Ready)
 }
 
+/// Adds rows about pauses of a publisher and about dropped consumers, if there were any.
+pub(crate) fn add_pauses(rows: &mut Rows, paused: Duration, dropped_count: u64) {
+    if paused > Duration::ZERO {
+        rows.add("paused", duration(paused));
+    }
+    if dropped_count > 0 {
+        rows.add("consumers dropped", format_args!("{dropped_count} that took nothing for too long"));
+    }
+}
+
 /// Consumers that were dropped.
 #[derive(Debug, Default)]
 pub(crate) struct Dropped {
@@ -118,9 +111,9 @@ pub(crate) struct Dropped {
 }
 
 impl Dropped {
-    /// Prints a notice about each consumer that was dropped since the last call.
-    pub(crate) fn tell(&mut self, publisher: &mut impl Audience, bar: &ProgressBar) {
-        for event in publisher.take_events() {
+    /// Prints a notice about each consumer that was dropped, of these events.
+    pub(crate) fn tell(&mut self, events: Vec<ConsumerEvent>, bar: &ProgressBar) {
+        for event in events {
             match event {
                 ConsumerEvent::Evicted { name, held } => {
                     let held = duration(held);

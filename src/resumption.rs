@@ -5,7 +5,7 @@ use crate::failure::{BadInput, Failure};
 use crate::frames::{Frames, is_of_a_file};
 use crate::outputs::check_free;
 use crate::progress::Progress;
-use crate::publishing::Audience;
+use crate::publishing::Outlet;
 use anyhow::anyhow;
 use producer::resimulation::{Lend, check_kernel};
 use producer::state::ChainState;
@@ -62,12 +62,8 @@ impl Resumption {
             return Ok(Some(self));
         }
         let steps = self.info().manifest.physics.step_count;
-        let path = self.recording.give_name()?;
-        let path = path.display();
-        display::notice(format_args!(
-            "{path} is complete: all {} steps are there, nothing is left to be done",
-            count(steps)
-        ));
+        let (path, steps) = (self.recording.give_name()?, count(steps));
+        notice!("{} is complete: all {steps} steps are there, nothing is left to be done", path.display());
         Ok(None)
     }
 
@@ -87,7 +83,7 @@ impl Resumption {
     pub(crate) fn rebuild(
         mut self,
         options: &WriteOptions,
-        publisher: &mut impl Audience,
+        publisher: &mut Outlet,
         stop: &Arc<AtomicBool>,
     ) -> Result<Option<Begun>, Failure> {
         let manifest = self.info().manifest.clone();
@@ -128,7 +124,7 @@ impl Resumption {
 
     /// Computes the run's last states again and compares bits, as far back as some seconds allow: everything that
     /// follows from a wrong state is wrong, and the old recording will be gone.
-    fn prove(&self, publisher: &mut impl Audience, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+    fn prove(&self, publisher: &mut Outlet, stop: &Arc<AtomicBool>) -> Result<(), Failure> {
         let manifest = &self.info().manifest;
         let Some(last_step) = self.info().last_step else { return Ok(()) };
         let from = last_step.saturating_sub(MOST_PROVEN / manifest.physics.beads);
@@ -163,7 +159,7 @@ impl Resumption {
     fn copy(
         &self,
         recorder: &mut RecordingWriter,
-        publisher: &mut impl Audience,
+        publisher: &mut Outlet,
         stop: &AtomicBool,
     ) -> Result<Copied, Failure> {
         let path = self.recording.path();

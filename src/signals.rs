@@ -57,9 +57,20 @@ pub(crate) fn while_waiting(waiting: &bus::Waiting) -> ControlFlow<()> {
 
 /// A flag that the first signal sets. The second one ends the process.
 pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
-    let (watched, stop) = (watch::begin()?, new_flag());
+    flag_of_signals(!watch::begin()?)
+}
+
+/// A flag that every signal sets, for code that must act before a second one ends the process.
+pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
+    flag_of_signals(false)
+}
+
+/// A flag that every signal sets; with `shuts_down` the second one ends the process without a word.
+fn flag_of_signals(shuts_down: bool) -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let _ = STOP.set(Arc::clone(&stop));
     for signal in [SIGINT, SIGTERM] {
-        if !watched {
+        if shuts_down {
             // in this order: the shutdown looks at the flag before this signal sets it
             flag::register_conditional_shutdown(signal, 1, Arc::clone(&stop))?;
         }
@@ -68,23 +79,6 @@ pub(crate) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
     watch::obey_hangup(&stop)?;
     storage::stop_when(Arc::clone(&stop));
     Ok(stop)
-}
-
-/// A flag that every signal sets, for code that must act before a second one ends the process.
-pub(crate) fn patient_stop_flag() -> io::Result<Arc<AtomicBool>> {
-    let stop = new_flag();
-    for signal in [SIGINT, SIGTERM] {
-        flag::register(signal, Arc::clone(&stop))?;
-    }
-    watch::obey_hangup(&stop)?;
-    storage::stop_when(Arc::clone(&stop));
-    Ok(stop)
-}
-
-fn new_flag() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let _ = STOP.set(Arc::clone(&stop));
-    stop
 }
 
 /// Sets the text about things that stay behind if the process is ended at once from now on.

@@ -5,7 +5,7 @@ use crate::display::{self, count, seconds};
 use crate::keyboard::{Key, Keyboard, Seek};
 use crate::pace::{LONGEST_NAP, Pacer};
 use crate::progress::REFRESH;
-use crate::publishing::{Audience, Dropped};
+use crate::publishing::{Dropped, Outlet};
 use crate::signals;
 use indicatif::ProgressBar;
 use schemas::frame::Frame;
@@ -115,9 +115,9 @@ impl<'a> Stage<'a> {
     }
 
     /// Takes the progress line away.
-    pub(crate) fn leave(mut self, publisher: &mut impl Audience) -> Left {
+    pub(crate) fn leave(mut self, publisher: &mut Outlet) -> Left {
         self.bar.finish_and_clear();
-        self.dropped.tell(publisher, &self.bar);
+        self.dropped.tell(publisher.take_events(), &self.bar);
         Left {
             pace: self.pacer.pace(),
             is_paused: self.paused_since.is_some(),
@@ -142,7 +142,7 @@ impl<'a> Stage<'a> {
 
     /// Waits until simulated time may go on to `time_s`; consumers are served and keys are obeyed meanwhile. `Break`
     /// asks for the end.
-    pub(crate) fn hold(&mut self, time_s: f64, publisher: &mut impl Audience) -> ControlFlow<()> {
+    pub(crate) fn hold(&mut self, time_s: f64, publisher: &mut Outlet) -> ControlFlow<()> {
         loop {
             while let Some(key) = self.keyboard.and_then(Keyboard::try_next) {
                 self.obey(key, time_s);
@@ -177,7 +177,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Serves consumers and shows progress between two frames that are far apart.
-    pub(crate) fn between_steps(&mut self, publisher: &mut impl Audience) -> ControlFlow<()> {
+    pub(crate) fn between_steps(&mut self, publisher: &mut Outlet) -> ControlFlow<()> {
         if self.is_due() {
             publisher.serve();
             self.show(publisher);
@@ -186,9 +186,9 @@ impl<'a> Stage<'a> {
     }
 
     /// Shows how far it is, and says who was dropped.
-    pub(crate) fn show(&mut self, publisher: &mut impl Audience) {
+    pub(crate) fn show(&mut self, publisher: &mut Outlet) {
         self.refreshed = Instant::now();
-        self.dropped.tell(publisher, &self.bar);
+        self.dropped.tell(publisher.take_events(), &self.bar);
         let counts = publisher.counts();
         let (step, time_s) = self.last;
         let pace = match (self.paused_since, self.pacer.pace()) {
@@ -211,7 +211,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Waits for a key, and does what it asks for; consumers are served meanwhile.
-    fn nap(&mut self, at_most: Duration, next_s: f64, publisher: &mut impl Audience) {
+    fn nap(&mut self, at_most: Duration, next_s: f64, publisher: &mut Outlet) {
         publisher.serve();
         match self.keyboard {
             None => thread::sleep(at_most),

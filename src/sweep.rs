@@ -23,19 +23,20 @@ use crate::display::{self, count, counted};
 use crate::failure::Failure;
 use crate::forecast::Forecast;
 use crate::links::check_inside;
+use crate::threads;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::Cell;
 use directory::Directory;
+use experiments::parameter_cell;
 use experiments::series::Lines;
 use pending::{Guess, Pending, Points};
-use producer::sweep::{ParameterValue, Sweep, Until};
+use producer::sweep::{Sweep, Until};
 use recording::{SpaceNeeded, WriteOptions};
 use schemas::manifest::RunManifest;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use work::{Tally, work};
@@ -67,7 +68,7 @@ pub(crate) struct Options {
 impl Default for Options {
     /// Every point, on all cores, not recorded, without a question.
     fn default() -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        let threads = threads::or_cores(None).get();
         Self { threads, shard: Shard::WHOLE, record: false, force: false, yes: true }
     }
 }
@@ -236,21 +237,18 @@ pub(crate) fn shown(sweep: &Sweep, out: &Path, most: usize) -> Result<Vec<Shown>
             Ok::<_, Failure>(())
         })?;
     }
+    let value = |cell: Cell| match cell {
+        Cell::Empty => Value::Null,
+        Cell::Integer(value) => value.into(),
+        Cell::Double(value) => value.into(),
+        Cell::Word(word) => word.into(),
+    };
     let point = |index: u64| -> Result<Shown, Failure> {
-        let parameters = sweep.parameters_of(index)?.into_iter().map(|value| match value {
-            None => Value::Null,
-            Some(ParameterValue::Integer(value)) => value.into(),
-            Some(ParameterValue::Double(value)) => value.into(),
-            Some(ParameterValue::Word(word)) => word.into(),
-        });
+        let parameters = sweep.parameters_of(index)?;
         let cells = rows.get(&index).map(|row| row.cells.as_slice()).unwrap_or_default();
-        let results = cells.iter().skip(parameters.len()).map(|cell| match cell {
-            Cell::Empty => Value::Null,
-            Cell::Integer(value) => (*value).into(),
-            Cell::Double(value) => (*value).into(),
-            Cell::Word(word) => word.as_str().into(),
-        });
-        let values = named.iter().map(|column| column.name.clone()).zip(parameters.chain(results)).collect();
+        let results = cells.iter().skip(parameters.len()).cloned();
+        let cells = parameters.iter().map(|parameter| parameter_cell(parameter.as_ref())).chain(results);
+        let values = named.iter().map(|column| column.name.clone()).zip(cells.map(value)).collect();
         let recording = Some(directory.recording(index)).filter(|path| path.is_file());
         Ok(Shown { index, values, recording })
     };

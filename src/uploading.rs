@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use storage::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent, is_url};
+use storage::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent, StorageError, is_url};
 
 /// Place of a recording until it is behind its URL.
 #[derive(Debug, Clone)]
@@ -36,12 +36,10 @@ impl Spool {
         is_split: bool,
     ) -> Result<Option<Self>, Failure> {
         let Some(url) = out.filter(|out| is_url(out)) else {
-            return match directory {
-                Some(_) => {
-                    Err(bad_input!("--spool is for a recording that goes to a URL; name one with --out"))
-                }
-                None => Ok(None),
-            };
+            if directory.is_some() {
+                return Err(bad_input!("--spool is for a recording that goes to a URL; name one with --out"));
+            }
+            return Ok(None);
         };
         let directory = directory.map_or_else(default_directory, Path::to_owned);
         let name = PathBuf::from(url.display().to_string().replacen("://", "/", 1));
@@ -69,8 +67,19 @@ impl Spool {
         replace: bool,
     ) -> Result<Begun, Failure> {
         let run = manifest.provenance.run_id.to_string();
+        // a shorter recording would leave the later parts of the one before
+        let replace = replace && !self.is_split;
         let options = SendOptions { run, expected_bytes, replace, keep: false };
-        Ok(Begun::new(self.errand(1), options)?)
+        Begun::new(self.errand(1), options).map_err(|error| match error {
+            SendError::Store { url, source: StorageError::Exists } if self.is_split => {
+                let url = url.display().to_string();
+                let all = url.replace("-part-0001", "-part-*");
+                bad_input!(
+                    "{url} exists already, and parts in a store are not replaced; choose another name, or delete {all} first"
+                )
+            }
+            error => error.into(),
+        })
     }
 
     /// Sends what is written from now on.

@@ -11,6 +11,7 @@ pub use setting::{Allowed, Setting, Settings, Takes};
 
 use crate::table::{Cell, Column};
 use figure::{Figure, FigureError};
+use schemas::amounts::count;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::{KeptValues, ResultColumns};
@@ -476,9 +477,24 @@ impl Words {
         values.into_iter().for_each(|value| self.add(name, value));
     }
 
-    /// The lines.
-    pub fn lines(self) -> Vec<(Cow<'static, str>, String)> {
-        self.0
+    /// Adds a line that says how many of `all` are not shown, if any.
+    pub fn more(&mut self, name: &'static str, all: u64, shown: usize, of: &str) {
+        let more = all.saturating_sub(shown as u64);
+        if more > 0 {
+            self.add(name, format_args!("and {} more{of}", count(more)));
+        }
+    }
+
+    /// Adds the lines of others.
+    pub fn append(&mut self, mut others: Self) {
+        self.0.append(&mut others.0);
+    }
+
+    /// The lines, aligned under a title.
+    pub fn under(&self, title: impl Display) -> String {
+        let width = self.0.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+        let lines = self.0.iter().map(|(name, value)| format!("  {name:width$}  {value}\n"));
+        std::iter::once(format!("{title}\n")).chain(lines).collect()
     }
 }
 

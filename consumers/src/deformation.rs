@@ -70,8 +70,8 @@ pub struct Deformation {
     pub measured: Result<Shape, Untold>,
     /// Overlaps with their rates over time, at most [`FirstPulse::CAPACITY`].
     pub samples: Vec<Sample>,
-    /// Pulses that began after the first.
-    pub later_pulse_count: u64,
+    /// Pulses that began after the first; none where that is not known.
+    pub later_pulse_count: Option<u64>,
     /// Speed of the pulse (beads/s) over [`BASELINE`] contacts on either side, if it was the first at both ends of them.
     pub speed_beads_per_s: Option<f64>,
     /// The shape and the speed from every second frame alone, if these determine them: the difference is more than the
@@ -89,8 +89,8 @@ pub enum Untold {
     /// No pulse came.
     #[error("no pulse has passed")]
     NoPulse,
-    /// The frames end while the pulse passes.
-    #[error("the frames end before the pulse has passed")]
+    /// The frames end while the pulse passes, or what damps the contact keeps it closed.
+    #[error("the contact is still pressed when the frames end; a pulse has passed once the contact opens")]
     Unfinished,
     /// Frames are missing, or begin, while it passes.
     #[error("frames of the pulse are missing")]
@@ -231,6 +231,7 @@ impl Deformations {
             self.check_alike(c)?;
             self.compare(c, &shape, samples, wave?)
         };
+        let is_counted = !matches!(measured, Err(Untold::Loaded | Untold::Gap | Untold::Stretched));
         let alpha = law.alpha();
         let exact = SolitaryWave::new(alpha).map(|wave| Wave::Exact(Box::new(wave)));
         let continuum = ContinuumWave::new(alpha).map(Wave::Continuum);
@@ -240,7 +241,7 @@ impl Deformations {
             continuum: compare(continuum.map_err(|error| error.to_string())),
             speed_beads_per_s: speed(followed, every_sample),
             halved: (curve::shape(&every_second(samples), force).ok(), speed(followed, every_second)),
-            later_pulse_count: followed.pulse.later_count(),
+            later_pulse_count: is_counted.then(|| followed.pulse.later_count()),
             samples: samples.to_vec(),
             measured,
         }
@@ -392,7 +393,7 @@ mod tests {
             assert!((speed / exact.scale.speed_beads_per_s - 1.0).abs() < 1e-6);
             let continuum = deformation.continuum.as_ref().expect("α");
             assert!(continuum.l_infinity > 0.01, "{continuum:?}");
-            assert_eq!(deformation.later_pulse_count, 0);
+            assert_eq!(deformation.later_pulse_count, Some(0));
         }
     }
 

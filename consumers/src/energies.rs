@@ -24,9 +24,9 @@ use serde::Serialize;
 /// Energies (J) of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EnergyRow {
-    /// Kinetic energy of all beads.
+    /// Kinetic energy of all beads and resonators.
     pub kinetic_j: f64,
-    /// Potential energy of all contacts.
+    /// Potential energy of contacts, walls, springs of beads and resonators.
     pub potential_j: f64,
     /// Kinetic plus potential energy.
     pub total_j: f64,

@@ -3,7 +3,6 @@
 use crate::local_energy::bead_energies_j;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
-use schemas::manifest::RunManifest;
 
 /// A quantity along the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,11 +48,6 @@ impl Field {
             Self::Displacement | Self::Overlap => "m",
             Self::Energy => "J",
         }
-    }
-
-    /// Number of values: one a bead or one a contact.
-    pub fn place_count(self, manifest: &RunManifest) -> usize {
-        if self == Self::Overlap { manifest.all_contact_count() } else { manifest.contact_count() + 1 }
     }
 
     /// Kind of a place that has a value: `bead` or `contact`.

@@ -2,12 +2,14 @@
 
 use crate::energies::{Energies, EnergyRow, default_split_bead};
 use crate::fields::Field;
+use crate::follow::FrameObserver;
 use crate::series::Series;
 use crate::space_time::{Extent, Picture, singles};
 use schemas::chain::Chain;
 use schemas::frame::{Frame, HeldFrame};
 use schemas::manifest::RunManifest;
 use std::collections::VecDeque;
+use std::convert::Infallible;
 
 /// Stretches of a chain of which a shot keeps the least and the largest value; more than a picture has dots for.
 const MOST_STRETCHES: usize = 2048;
@@ -76,32 +78,6 @@ impl Footage {
         }
     }
 
-    /// Looks at the next frame: the first one at or after the step of a shot is that shot.
-    pub fn observe(&mut self, frame: &Frame<'_>) {
-        self.map.push(frame.step, singles(self.field.deviations(&self.chain, frame)));
-        let energies = self.watch.observe(frame).values();
-        self.energies.push(frame.time_s, energies);
-        while self.due.front().is_some_and(|due| *due < frame.step && self.is_behind) {
-            self.due.pop_front();
-        }
-        self.is_behind = false;
-        while self.due.front().is_some_and(|due| *due <= frame.step) {
-            self.due.pop_front();
-            self.shots.push(self.shot(frame, energies));
-        }
-        let (held, _) = self.last.get_or_insert_with(|| (HeldFrame::default(), energies));
-        held.hold(frame);
-        if let Some((_, last)) = &mut self.last {
-            *last = energies;
-        }
-    }
-
-    /// Frames are missing before the next one: there are no shots of them.
-    pub fn gap(&mut self) {
-        self.map.gap();
-        self.is_behind = true;
-    }
-
     /// Adds the last frame, where it is none of the shots: the frames ended early.
     pub fn end(&mut self) {
         let Some((held, energies)) = self.last.take() else { return };
@@ -123,6 +99,37 @@ impl Footage {
         #[expect(clippy::cast_possible_truncation, reason = "seven digits are enough for a dot")]
         let profile: Vec<(f32, f32)> = profile.map(|(place, value)| (place as f32, value as f32)).collect();
         Shot { step: frame.step, time_s: frame.time_s, profile: thinned(profile), energies }
+    }
+}
+
+impl FrameObserver for Footage {
+    type Error = Infallible;
+
+    /// Looks at the next frame: the first one at or after the step of a shot is that shot.
+    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), Infallible> {
+        self.map.push(frame.step, singles(self.field.deviations(&self.chain, frame)));
+        let energies = self.watch.observe(frame).values();
+        self.energies.push(frame.time_s, energies);
+        while self.due.front().is_some_and(|due| *due < frame.step && self.is_behind) {
+            self.due.pop_front();
+        }
+        self.is_behind = false;
+        while self.due.front().is_some_and(|due| *due <= frame.step) {
+            self.due.pop_front();
+            self.shots.push(self.shot(frame, energies));
+        }
+        let (held, _) = self.last.get_or_insert_with(|| (HeldFrame::default(), energies));
+        held.hold(frame);
+        if let Some((_, last)) = &mut self.last {
+            *last = energies;
+        }
+        Ok(())
+    }
+
+    /// Frames are missing before the next one: there are no shots of them.
+    fn gap(&mut self) {
+        self.map.gap();
+        self.is_behind = true;
     }
 }
 
@@ -173,7 +180,7 @@ mod tests {
             match step {
                 Some(step) => {
                     let time_s = manifest.physics.time_s(*step);
-                    footage.observe(&Frame::of_doubles(
+                    let Ok(()) = footage.observe(&Frame::of_doubles(
                         (manifest.frame_at(*step), *step, time_s),
                         1000,
                         &doubles,

@@ -22,6 +22,7 @@ mod crest;
 mod edges;
 mod found;
 mod front;
+mod heads;
 mod lead;
 mod obstacles;
 mod origins;

@@ -125,6 +125,15 @@ impl Table {
         self
     }
 
+    /// Adds a row of these values, behind those that the current row has already.
+    ///
+    /// # Errors
+    /// As [`end_row`](Self::end_row).
+    pub fn add_row(&mut self, cells: &[Cell]) -> Result<(), TableError> {
+        self.row.extend_from_slice(cells);
+        self.end_row()
+    }
+
     /// Ends the current row.
     ///
     /// # Errors

@@ -330,8 +330,8 @@ impl Tangents {
         self.slopes.find(self.arch, u_m, walls_m, beads);
     }
 
-    /// True if the force of a contact has jumped, as that of a dashpot does where its contact closes or opens: tangents are no derivatives of the
-    /// motion after it.
+    /// True if a damped contact has closed or opened where its force jumps, as that of a dashpot does, or has a slope without bound, as `δ^p` with
+    /// p below 1: tangents are no derivatives of the motion after it, or but to `dt^p`.
     pub fn has_jumped(&self) -> bool {
         self.stages.as_ref().is_some_and(|stages| stages.has_jumped())
     }

@@ -13,7 +13,8 @@
 //! its neighbours before the shock arrives, a disturbance that no computation of this run has.) In a loaded chain
 //! overlaps are rounded relative to those at rest, however weak the kick is; there the unit is that of `L/T` of the
 //! load, where this is the larger one. If nothing moves at first, because drives set the chain in motion, the beads
-//! that the drives move first begin with one unit in the last place of `L/T`.
+//! that the drives move first begin with one unit in the last place of `L/T`; without drives, displaced beads are displaced by one unit in
+//! the last place more (of the overlap at rest, where this is larger).
 
 use crate::integrator::Integrator;
 use crate::roundings::Roundings;
@@ -45,7 +46,7 @@ pub struct Together<'a> {
     pub halved: Frame<'a>,
     /// The twin with a quarter of the step.
     pub quartered: Frame<'a>,
-    /// The twin with moved velocities.
+    /// The twin with moved velocities or displacements.
     pub moved: Frame<'a>,
     /// Changes of the run's displacements (m), then of its velocities (m/s), by the roundings so far, if the run has a tangent.
     pub rounded: Option<&'a [f64]>,
@@ -85,14 +86,19 @@ impl Twins {
         };
         let halved = Sibling::finer(physics, 2, "the twin with half the step");
         let quartered = Sibling::finer(physics, 4, "the twin with a quarter of the step");
-        let (u_m, mut v_m_s) = physics.initial_state();
-        let at_rest_m_s = load_speed_m_s(physics);
-        if v_m_s.iter().all(|v| *v == 0.0) {
-            driven_first(physics).for_each(|bead| v_m_s[bead] = moved_by_m_s(physics));
-        } else {
+        let (mut u_m, mut v_m_s) = physics.initial_state();
+        if v_m_s.iter().any(|v| *v != 0.0) {
+            let least_m_s = load_speed_m_s(physics);
             for v in &mut v_m_s {
-                *v = moved(*v, at_rest_m_s);
+                *v = moved(*v, least_m_s);
             }
+        } else if physics.drives.is_empty() {
+            let least_m = largest_rest_m(physics);
+            for u in &mut u_m {
+                *u = moved(*u, least_m);
+            }
+        } else {
+            driven_first(physics).for_each(|bead| v_m_s[bead] = moved_by_m_s(physics));
         }
         let moved = Sibling {
             state: ChainState::starting_at(physics, &u_m, &v_m_s),
@@ -196,12 +202,17 @@ fn driven_first(physics: &Physics) -> impl Iterator<Item = usize> {
     physics.drives.iter().map(first).filter_map(|bead| usize::try_from(bead).ok())
 }
 
-/// `L/T` (m/s) of the load, 0 in an unloaded chain.
-fn load_speed_m_s(physics: &Physics) -> f64 {
+/// The largest overlap (m) at rest, 0 in an unloaded chain.
+fn largest_rest_m(physics: &Physics) -> f64 {
     let chain = physics.chain();
     let walls = [chain.walls.left.rest_overlap_m, chain.walls.right.rest_overlap_m];
     let rests_m = chain.rest_overlap_m.iter().chain(&walls);
-    let largest_m = rests_m.fold(0.0, |largest, rest_m| if *rest_m > largest { *rest_m } else { largest });
+    rests_m.fold(0.0, |largest, rest_m| if *rest_m > largest { *rest_m } else { largest })
+}
+
+/// `L/T` (m/s) of the load, 0 in an unloaded chain.
+fn load_speed_m_s(physics: &Physics) -> f64 {
+    let largest_m = largest_rest_m(physics);
     if largest_m == 0.0 {
         return 0.0;
     }
@@ -273,19 +284,25 @@ mod tests {
         assert_eq!(run.v_m_s.iter().zip(moved.v_m_s).filter(|(run, moved)| run != moved).count(), 1);
     }
 
-    /// A chain that a drive sets in motion has a rounding error, too.
+    /// A chain that a drive or displacements set in motion has a rounding error, too.
     #[test]
-    fn what_a_drive_moves_first_is_moved() {
-        let shaken = "[chain]\nbeads = 6\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[[drive]]\nbead = 2\n\
-            force_n = { half_sine = { amplitude = 1.0, duration_s = 1e-4 } }\n[striker]\nbead = 0\nvelocity_m_s = 0\n\
-            [time]\nduration_s = 1e-3\n";
-        let config = RunConfig::from_toml(shaken).expect("a configuration");
-        let physics = Physics::resolve(&config).expect("valid");
-        let mut twins = Twins::new(&physics);
-        twins.advance_to(physics.step_count).expect("finite");
-        let Together { run, moved, .. } = twins.together();
-        assert!(run.u_m != moved.u_m);
-        assert!(moved_by_m_s(&physics) > 0.0);
+    fn what_a_drive_moves_first_or_is_displaced_is_moved() {
+        let drive = "[[drive]]\nbead = 2\nforce_n = { half_sine = { amplitude = 1.0, duration_s = 1e-4 } }\n";
+        let displaced =
+            "[load]\nprecompression_n = 1.0\n[initial]\ndisplacements_m = [1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]\n";
+        for moves in [drive, displaced] {
+            let text = format!(
+                "[chain]\nbeads = 6\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{moves}[striker]\nbead = 0\nvelocity_m_s = 0\n\
+                 [time]\nduration_s = 1e-3\n"
+            );
+            let config = RunConfig::from_toml(&text).expect("a configuration");
+            let physics = Physics::resolve(&config).expect("valid");
+            let mut twins = Twins::new(&physics);
+            twins.advance_to(physics.step_count).expect("finite");
+            let Together { run, moved, .. } = twins.together();
+            assert!(run.u_m != moved.u_m, "{moves}");
+            assert!(moved_by_m_s(&physics) > 0.0);
+        }
     }
 
     /// Under 100 N overlaps are some 0.46 mm: a kick of 1e-13 m/s changes them by little more than their rounding.

@@ -92,12 +92,12 @@ class Analyses:
     ) -> Table:
         """Energy left of the impurity, in it, and right of it; the part that is reflected.
 
-        Columns in each frame: ``kinetic_j`` (kinetic energy of all beads), ``potential_j`` (potential energy of all
-        contacts), ``total_j`` (both), ``left_j`` (energy left of the split bead), ``split_j`` (energy of the split
-        bead, with half of its contacts), ``right_j`` (energy right of it), ``dissipated_j`` (work that damping has
-        taken), ``relative_drift`` (error of the balance of energies, over the initial energy), ``inbound_j`` (energy
-        that may still cross the split bead), ``corrected_j`` (reflected energy without the recoil), ``driven_j``
-        (energy that drives and baths have given).
+        Columns in each frame: ``kinetic_j`` (kinetic energy of all beads and resonators), ``potential_j`` (potential
+        energy of contacts, walls, springs of beads and resonators), ``total_j`` (both), ``left_j`` (energy left of
+        the split bead), ``split_j`` (energy of the split bead, with half of its contacts), ``right_j`` (energy right
+        of it), ``dissipated_j`` (work that damping has taken), ``relative_drift`` (error of the balance of energies,
+        over the initial energy), ``inbound_j`` (energy that may still cross the split bead), ``corrected_j``
+        (reflected energy without the recoil), ``driven_j`` (energy that drives and baths have given).
 
         Args:
             split: The bead that divides left from right; by default the first impurity that is not the striker, else

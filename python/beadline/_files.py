@@ -215,7 +215,9 @@ def to_zarr(
         need(package, "zarr")
     from ._xarray import dataset, write_zarr
 
-    part = {"bead": slice(places.start, places.stop), "contact": slice(places.start, places.stop - 1)}
+    # all beads of a ring have a contact more: the one that closes it
+    last = None if len(places) == rec.beads else places.stop - 1
+    part = {"bead": slice(places.start, places.stop), "contact": slice(places.start, last)}
     write_zarr(dataset(rec, steps, fields).isel(part), path, force)
 
 

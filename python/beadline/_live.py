@@ -359,6 +359,9 @@ class Analysis(Consumer):
 
     def __init__(self, make: Callable[[], Any], columns: Mapping[str, str], name: str | None) -> None:
         super().__init__(make, columns, name)
+        for column in self.columns:
+            if column != column.lower():
+                raise ValueError(f"columns: found {column!r}; allowed: names without capitals, which stand for numbers (BEAD), such as {column.lower()!r}")
         self.meanings = dict(columns)
         about = (make.__doc__ or self.name).strip().splitlines()[0]
         _native.add_analysis(self.name, about, list(self.meanings.items()), self._begin_native)

@@ -18,7 +18,7 @@ from ._command import Json, run_command
 from ._numbers import count, in_si
 from ._recording import Recording
 from ._recording import open as open_recording
-from ._run import Run, _toml, initial_of, rooted, value_of
+from ._run import Run, _toml, initial_of, parts_of, rooted, value_of
 from ._table import Table, read_csv
 from .errors import CommandError
 
@@ -113,6 +113,13 @@ class Orbit:
     def _from_here(self, keys: Iterable[str]) -> dict[str, Any]:
         """An orbit file that begins at this orbit, and asks for one by those of these keys that tell which."""
         config = tomllib.loads(self._text)
+        if (followed := config.pop("continue", None)) is not None:
+            *parts, name = parts_of(followed["key"])
+            place: Any = config
+            for part in parts:
+                place = place[part]
+            # the last orbit of the first branch
+            place[name] = float(self.branch[followed["key"]][self.branch["branch"] == 0][-1])
         beginning = self.recording[0]
         config.pop("striker", None)
         asked: dict[str, Any] = config.setdefault("orbit", {})
@@ -145,7 +152,7 @@ class OrbitMap:
         self.path = Path(directory)
         #: The two keys, and their values.
         self.values = {key: np.array(of_key) for key, of_key in values.items()}
-        #: The number of points by ``"stable"``, the name of an instability, or ``"no orbit found"``.
+        #: The number of points by ``"stable"``, the name of an instability, or ``"no orbit found"``, with the reason behind it where steps became too long.
         self.stability: dict[str, int] = summary["stability"]
 
     @property

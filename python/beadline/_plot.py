@@ -97,7 +97,8 @@ def plot(
         scale: For a map: ``"linear"`` for colours in proportion to numbers, ``"log"`` to show weak
             pulses beside strong ones; by default linear for displacements only.
         limit: End of the colours, or of the axis of values, on both sides of 0 (in the SI unit); by
-            default that of the values.
+            default that of the values, of which displacements that are far from the others, and gaps far
+            wider than overlaps, lie beyond it; a profile says how many.
     """
     array = _array(rec, field)
     if step is not None and time_s is not None:
@@ -295,7 +296,8 @@ def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, flo
         # what has not moved yet says nothing about how far the others have
         ends = np.quantile(known[known != 0.0], [0.02, 0.98])
         near = min(0.0, float(ends[0])), max(0.0, float(ends[1]))
-        if high - low > _FAR * (near[1] - near[0]):
+        # a range that is next to nothing is the tail of a front
+        if 1e9 * (near[1] - near[0]) > high - low > _FAR * (near[1] - near[0]):
             low, high = near
     return (-high, high) if field == "overlap" and 0 < 1.2 * high < -low else (low, high)
 
@@ -353,7 +355,15 @@ def _draw_profiles(
     if limit is not None:
         ax.set_ylim(-limit * factor, limit * factor)
     elif low < high:
-        ax.set_ylim((low - 0.1 * (high - low)) * factor, (high + 0.1 * (high - low)) * factor)
+        low, high = low - 0.1 * (high - low), high + 0.1 * (high - low)
+        ax.set_ylim(low * factor, high * factor)
+        values = np.concatenate(curves)
+        beyond = values[(values < low) | (values > high)]
+        if beyond.size:
+            places_beyond = FIELDS[field][1] + ("s" if beyond.size > 1 else "")
+            farthest = beyond[np.abs(beyond).argmax()] * factor
+            note = f"{beyond.size} {places_beyond} beyond the frame, as far as {_plain(float(f'{farthest:.3g}'))} {unit}"
+            ax.text(0.02, 0.97, note, transform=ax.transAxes, va="top", fontsize="small", color=_GREY)
     ax.set_ylabel(f"{field} ({unit})")
 
 

@@ -334,10 +334,16 @@ class Recording(Analyses):
         columns = self._manifest.parts_of(np.arange(2.0 * self.beads, self._manifest.frame_doubles))
         return {name: part.astype(np.intp) for name, part in zip(PARTS, columns, strict=True) if part.size}
 
+    @cached_property
+    def _contacts(self) -> int:
+        """The number of contacts, in a ring with the one that closes it."""
+        ends = self.manifest["physics"].get("ends", {})
+        return self.beads if ends.get("left") == "periodic" else self.beads - 1
+
     def _field(self, name: FieldName) -> FieldArray:
         if name in PARTS and name not in self._parts:
             raise AttributeError(f"the run has no {PARTS[name]}, so no {name}", name=name, obj=self)
-        places = {"bead": self.beads, "contact": self.stiffness.size, "drive": self._manifest.rows[2]}[FIELDS[name][1]]
+        places = {"bead": self.beads, "contact": self._contacts, "drive": self._manifest.rows[2]}[FIELDS[name][1]]
         return FieldArray(self, name, range(len(self.steps)), range(places))
 
     def _gather(self, name: FieldName, steps: Numbers, places: Numbers) -> Doubles:

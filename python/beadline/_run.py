@@ -171,7 +171,8 @@ class Run:
     def replace(self, values: Mapping[str, Any]) -> Run:
         """The same run with other values, by their keys: ``{"time.duration_s": 0.01, "chain.impurities[0].mass_kg": 2e-3}``.
 
-        Keys are those of :meth:`to_toml`. A key that is not there yet is added.
+        Keys are those of :meth:`to_toml`. A key that is not there yet is added. ``stream.record_every_steps`` follows
+        ``stream.publish_every_steps`` if they were the same.
 
         Raises:
             ConfigError: If the key or the value is impossible.
@@ -188,11 +189,19 @@ class Run:
                 *parts, last = parts_of(key)
                 for part in parts:
                     place = place.setdefault(_name(key, part), {}) if isinstance(place, dict) else place[part]
+                old = place.get(last) if isinstance(place, dict) else None
+                if any(isinstance(table, dict) and "sha256" in table for table in (place, old)):
+                    found = "found a state that has been read, whose numbers stand in the lists beside it"
+                    raise ConfigError(f"{key}: {found}; replace 'initial', without these lists and the sha256", key=key)
                 place[_name(key, last) if isinstance(place, dict) else last] = value
             except (IndexError, TypeError, ValueError) as error:
                 if isinstance(error, ConfigError):
                     raise
                 raise ConfigError(f"{key}: the configuration has no such key", key=key) from error
+        stream = config.get("stream", {})
+        follows = "stream.publish_every_steps" in values and "stream.record_every_steps" not in values
+        if follows and stream.get("record_every_steps") == self._manifest.publish_every_steps:
+            stream["record_every_steps"] = stream["publish_every_steps"]
         return self._of(_toml(config), None, self.name, folder=self._folder)
 
     def starting_from(self, state: State | tuple[Values, Values], *, seed: int | None = None) -> Run:

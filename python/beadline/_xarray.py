@@ -88,8 +88,7 @@ def write_zarr(data: xr.Dataset, path: str | os.PathLike[str], force: bool) -> N
     """Writes a dataset of a recording. The directory has its name when it is whole."""
     path = Path(path)
     partial = path.with_name(f"{path.name}.partial")
-    if not (force and _is_zarr(path)):
-        check_free(path)
+    _check_room(path, force)
     check_directory(path)
     _make_room(partial, force)
     try:
@@ -105,11 +104,18 @@ def _is_zarr(path: Path) -> bool:
     return (path / "zarr.json").is_file()
 
 
-def _make_room(path: Path, force: bool) -> None:
+def _check_room(path: Path, force: bool) -> None:
+    if not force:
+        check_free(path)
     # a directory of something else is never replaced
-    if force and _is_zarr(path):
+    elif os.path.lexists(path) and not _is_zarr(path):
+        raise FileExistsError(f"{path} exists already, and force=True replaces Zarr groups only; choose another name")
+
+
+def _make_room(path: Path, force: bool) -> None:
+    _check_room(path, force)
+    if path.exists():
         shutil.rmtree(path)
-    check_free(path)
 
 
 def _write_rows(data: xr.Dataset, path: Path) -> None:

@@ -6,13 +6,14 @@ mod shared;
 use crate::arrays::{StateTuple, state_of};
 use crate::errors::Why;
 use crate::fields::{field_of, of_contacts};
+use crate::manifest::Manifest;
 use crate::patience::{LOOK, stoppable};
 use crate::run::set_writeable;
 use bus::{AttachOptions, BORROWED, Bus, Delivery, LiveSource, RunInfo, list_runs};
 use numpy::ndarray::ArrayView1;
 use numpy::npyffi::NPY_ARRAY_WRITEABLE;
 use numpy::{PyArray1, PyArrayMethods as _, PyUntypedArrayMethods as _, ToPyArray as _};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyAttributeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use results::Results;
@@ -55,8 +56,7 @@ impl Stop {
 /// Constant properties of a run.
 struct Run {
     name: RunName,
-    json: String,
-    chain: Chain,
+    manifest: Manifest,
     first_frame: u64,
     mass_kg: Py<PyArray1<f64>>,
 }
@@ -66,7 +66,8 @@ enum Memory {
     Own(HeldFrame),
 }
 
-/// A published state. Its arrays are read-only; displacements and velocities are views into shared memory.
+/// A published state, with all that a ``State`` has. Its arrays are read-only; displacements and velocities are views into shared
+/// memory.
 #[pyclass(frozen, module = "beadline")]
 struct Frame {
     memory: Memory,
@@ -102,8 +103,8 @@ impl Frame {
     fn field<'py>(this: &Bound<'py, Self>, name: &str) -> PyResult<Array<'py>> {
         let state = this.get().state();
         let [u_m, v_m_s] = [state.u_m, state.v_m_s].map(|values| Self::view(this, values));
-        let values =
-            field_of(this.py(), &this.get().run.chain, name, &u_m.try_readonly()?, &v_m_s.try_readonly()?)?;
+        let chain = &this.get().run.manifest.chain;
+        let values = field_of(this.py(), chain, name, &u_m.try_readonly()?, &v_m_s.try_readonly()?)?;
         set_writeable(&values, false);
         Ok(values)
     }
@@ -171,6 +172,18 @@ impl Frame {
         self.run.mass_kg.clone_ref(py)
     }
 
+    /// Any other attribute of a ``State``, computed now.
+    fn __getattr__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        if name.starts_with('_') {
+            return Err(PyAttributeError::new_err(format!("'Frame' object has no attribute '{name}'")));
+        }
+        let StateFrame { frame, step, time_s, u_m, v_m_s, extra, .. } = slf.get().state();
+        let [u_m, v_m_s, extra] = [u_m, v_m_s, extra].map(|values| Self::view(slf, values));
+        let state = (frame, step, time_s, u_m, v_m_s, extra);
+        let class = slf.py().import("beadline._recording")?.getattr("State")?;
+        class.call1((slf.get().run.manifest.clone(), state))?.getattr(name)
+    }
+
     /// The same frame in memory of its own: as many of these as you like can be kept.
     fn copy(&self) -> Self {
         let mut held = HeldFrame::default();
@@ -181,7 +194,8 @@ impl Frame {
     /// In another process it is a ``State``.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let make = py.import("beadline._recording")?.getattr("of_frame")?;
-        Ok((make, (PyBytes::new(py, self.run.json.as_bytes()), state_of(py, &self.state())?)))
+        let json = self.run.manifest.run.to_json();
+        Ok((make, (PyBytes::new(py, json.as_bytes()), state_of(py, &self.state())?)))
     }
 
     fn __repr__(&self) -> String {
@@ -325,7 +339,7 @@ impl Live {
     /// The manifest of the run.
     #[getter]
     fn manifest<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("json")?.call_method1("loads", (&self.run.json,))
+        py.import("json")?.call_method1("loads", (self.run.manifest.run.to_json(),))
     }
 
     /// The first frame that is guaranteed to come.
@@ -361,13 +375,13 @@ impl Live {
     /// Stiffness of each contact (N·m^−α).
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Array<'py> {
-        of_contacts(py, &self.run.chain, Chain::own_stiffness)
+        of_contacts(py, &self.run.manifest.chain, Chain::own_stiffness)
     }
 
     /// Overlap of each contact at rest (m).
     #[getter]
     fn rest_overlap_m<'py>(&self, py: Python<'py>) -> Array<'py> {
-        of_contacts(py, &self.run.chain, Chain::rest_m)
+        of_contacts(py, &self.run.manifest.chain, Chain::rest_m)
     }
 
     /// The next frame, if it is there.
@@ -460,8 +474,7 @@ fn attach(
     let (first_frame, manifest) = (source.first_frame(), source.manifest());
     let run = Run {
         name: manifest.provenance.name.clone(),
-        json: manifest.to_json(),
-        chain: source.chain().clone(),
+        manifest: Manifest::new(manifest.clone(), None),
         first_frame,
         mass_kg: mass_kg.unbind(),
     };

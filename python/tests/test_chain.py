@@ -204,11 +204,23 @@ def test_a_run_of_a_recording_has_its_numbers_whatever_files_say_now(tmp_path: P
         assert bl.Run.from_recording(changed.simulate()).manifest["physics"] == run.manifest["physics"]
         (sha256,) = bl.sweep(again)["physics_sha256"]
         assert sha256 == bl.sweep(changed)["physics_sha256"][0]
+    with pytest.raises(bl.ConfigError, match="^initial.from.step: found a state that has been read"):
+        again.replace({"initial.from.step": 0})
     driven = bl.Run.from_recording(recordings[1][1]).starting_from(BEADS_AT_REST).manifest["physics"]["drives"]
     assert driven == runs[0].manifest["physics"]["drives"] and driven[1]["force_n"]["table"]["values"] == [0.0, 1.0, 1.0]
     # a text that names none stays as it is
     plain = bl.Run(BEADS, strikers={0: 1.0}, duration_s=1e-4).simulate()
     assert bl.Run.from_recording(plain).to_toml() == plain.toml
+
+
+def test_the_state_of_a_recording_has_its_resonators(tmp_path: Path) -> None:
+    resonators = {"mass_kg": 1e-3, "stiffness_n_per_m": 1e5}
+    chain = bl.Chain(beads=6, mass_kg=1e-3, alpha=1.5, stiffness=1e7, resonators=resonators)
+    rec = bl.Run(chain, strikers={0: 1.0}, duration_s=1e-4).record(tmp_path / "before.mcap")
+    begun = {"from": {"recording": str(tmp_path / "before.mcap"), "step": 20}}
+    first = bl.Run(chain, initial=begun, duration_s=1e-4).simulate()[0]
+    for name in ("displacement_m", "velocity_m_s", "resonator_displacement_m", "resonator_velocity_m_s"):
+        assert getattr(first, name).tolist() == getattr(rec[20], name).tolist() and any(getattr(first, name))
 
 
 def test_one_of_two_values_for_the_same_is_not_ignored() -> None:

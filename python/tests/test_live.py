@@ -97,6 +97,8 @@ def test_frames_are_views_that_cannot_be_written_to(processes: Processes) -> Non
                 values[...] = 0
         with pytest.raises(ValueError, match="WRITEABLE"):
             frame.velocity_m_s.flags.writeable = True
+        assert frame.wall_force_n.tolist() == [0.0, 0.0] and not hasattr(frame, "wall")
+        assert frame.total_j == frame.kinetic_j + frame.potential_j > 0.0
         first, again = frame.velocity_m_s, frame.velocity_m_s
         assert first.ctypes.data == again.ctypes.data
         np.testing.assert_array_equal(frame.overlap_m, u_m[:-1] - u_m[1:] + live.rest_overlap_m)
@@ -412,3 +414,5 @@ def test_columns_that_a_table_would_lose_are_refused() -> None:
             bl.consumer(columns=columns)(lambda frame: [1.0] * len(columns))
     with pytest.raises(ValueError, match="columns: found 'step'; allowed"):
         bl.analysis(columns={"a_m": "a length", "step": "a number"})(object)
+    with pytest.raises(ValueError, match="columns: found 'T_j'; allowed: names without capitals"):
+        bl.analysis(columns={"T_j": "a temperature"})(object)

@@ -123,6 +123,9 @@ def test_displacements_are_all_shown_unless_some_are_far_away() -> None:
     rec = bl.Run(chain, strikers={0: 5.0}, duration_s=1.2e-3).simulate()
     [curve] = rec.plot("displacement", step=-1).get_lines()
     assert curve.axes.get_ylim()[1] > curve.get_ydata().max()
+    rec = bl.preset("light-impurity").replace({"time.duration_s": 0.01}).simulate(every=1000)
+    [note] = rec.plot("displacement", step=-1).texts
+    assert note.get_text() == "3 beads beyond the frame, as far as −3060 µm"
 
 
 def test_what_cannot_be_drawn_is_refused(rec: bl.Recording) -> None:

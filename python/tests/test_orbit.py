@@ -32,6 +32,14 @@ def test_an_orbit_of_a_chain_and_where_it_becomes_unstable(tmp_path: Path) -> No
     assert change["parameter"] == pytest.approx(0.218181686716, rel=1e-9)
     assert not branch.is_stable
     assert branch.branch["orbit.energy_j"][-1] == 0.3
+    # the end of a branch has the value of its key there: thresholds go as 1/cubic
+    stiff = found.continue_("chain.bonds.cubic", 2.0, tmp_path / "stiff")
+    further = stiff.continue_("orbit.energy_j", 0.08, tmp_path / "further")
+    assert further.branch["period_s"][0] == pytest.approx(stiff.period_s, rel=1e-9)
+    assert further.changes[0]["parameter"] == pytest.approx(0.218181686716 / 2, rel=1e-9)
+    again = further.continue_("orbit.energy_j", 0.07, tmp_path / "again")
+    assert again.branch["orbit.energy_j"][0] == pytest.approx(0.08, rel=1e-12)
+    assert again.map({"chain.bonds.cubic": [2.0, 2.1], "orbit.energy_j": [0.07, 0.06]}, tmp_path / "map").column("energy_j").shape == (2, 2)
 
 
 def test_a_driven_chain_follows_its_drive(tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ import json
 import os
 import pickle
 import re
+import signal
+import socket
 import subprocess
 import sys
 import tomllib
@@ -42,6 +44,16 @@ def test_the_command_of_the_package_records_and_verifies(tmp_path: Path) -> None
     subprocess.run([*command, "run", "--duration", "1e-4", "--name", "run"], cwd=tmp_path, check=True, capture_output=True)
     verified = subprocess.run([*command, "verify", "run.mcap", "--json"], cwd=tmp_path, check=True, capture_output=True)
     assert json.loads(verified.stdout)
+
+
+def test_ctrl_c_ends_a_command_that_does_not_look_for_it() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}/run.mcap"
+        process = subprocess.Popen([sys.executable, "-m", "beadline", "info", url])
+        connection, _ = silent.accept()
+        with connection:
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=30) == -signal.SIGINT
 
 
 def test_a_job_array_starts_the_command_of_the_package(tmp_path: Path) -> None:

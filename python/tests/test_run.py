@@ -230,6 +230,8 @@ def test_runs_side_by_side_have_the_bits_of_each_alone() -> None:
 def test_a_run_in_memory_keeps_states_that_are_published() -> None:
     assert short(publish_every=4).simulate(every=3).record_every == 4
     assert short(publish_every=4).simulate(every=9).record_every == 12
+    again = short(publish_every=4).replace({"stream.publish_every_steps": 7})
+    assert again.manifest["provenance"]["record_every_steps"] == 7
 
 
 def test_a_run_of_several_that_cannot_be_is_named() -> None:

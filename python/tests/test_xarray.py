@@ -242,8 +242,8 @@ def test_zarr_has_the_part_that_is_asked_for(rec: bl.Recording, tmp_path: Path, 
 def test_an_existing_zarr_is_kept(rec: bl.Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.zarr"
     (path / "mine").mkdir(parents=True)
-    for force in (False, True):
-        with pytest.raises(FileExistsError, match="run.zarr exists already"):
+    for force, advice in ((False, "force=True"), (True, "force=True replaces Zarr groups only")):
+        with pytest.raises(FileExistsError, match=f"run.zarr exists already.* {advice}"):
             rec.to_zarr(path, force=force)
     rec.to_zarr(tmp_path / "own.zarr", fields=["velocity"])
     with pytest.raises(FileExistsError, match="own.zarr exists already; .* force=True"):

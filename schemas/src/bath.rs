@@ -75,10 +75,10 @@ impl Bath {
         joule.chain(self.temperature_k.iter().map(|t| BOLTZMANN_J_K * t.largest())).fold(0.0, f64::max)
     }
 
-    /// The temperature as it is written, with its key.
-    pub(crate) fn written(&self) -> Option<(&'static str, &Waveform)> {
-        let joule = self.temperature_j.as_ref().map(|joule| ("temperature_j", joule));
-        joule.or(self.temperature_k.as_ref().map(|kelvin| ("temperature_k", kelvin)))
+    /// The temperature as it is written, with its key and unit.
+    fn written(&self) -> Option<([&'static str; 2], &Waveform)> {
+        let joule = self.temperature_j.as_ref().map(|joule| (["temperature_j", "J"], joule));
+        joule.or(self.temperature_k.as_ref().map(|kelvin| (["temperature_k", "K"], kelvin)))
     }
 
     /// The second word of the stream of its noise. At step n of place i, the half before and the half after have the two [`normals`] of index n in the
@@ -91,7 +91,7 @@ impl Bath {
 
     /// Refuses a bath that no run of `duration_s` can have; `key` is its place in the configuration: `bath[0]`.
     pub(crate) fn check(&self, key: &str, duration_s: f64) -> Result<(), ConfigError> {
-        let Some((name, waveform)) =
+        let Some(([name, unit], waveform)) =
             self.written().filter(|_| self.temperature_j.is_none() || self.temperature_k.is_none())
         else {
             let found = if self.temperature_j.is_some() { "both" } else { "neither" };
@@ -101,7 +101,7 @@ impl Bath {
         waveform.check(&name, duration_s)?;
         if waveform.can_be_negative() {
             let allowed = "a temperature of 0 or more at all times: a number, `step`, `ramp`, `half_sine`, `gaussian` or `table`";
-            return Err(ConfigError::value(&name, waveform.words(""), allowed));
+            return Err(ConfigError::value(&name, waveform.words(unit), allowed));
         }
         Ok(())
     }
@@ -116,10 +116,8 @@ impl Bath {
         };
         let kind = if self.pairs { "pair bath" } else { "bath" };
         let temperature = match self.written() {
-            Some((key, Waveform::Constant(value))) => {
-                typed_quantity(*value, if key == "temperature_j" { "J" } else { "K" })
-            }
-            Some((key, waveform)) => waveform.words(if key == "temperature_j" { "J" } else { "K" }),
+            Some(([_, unit], Waveform::Constant(value))) => typed_quantity(*value, unit),
+            Some(([_, unit], waveform)) => waveform.words(unit),
             None => String::new(),
         };
         format!("{kind} at {beads}: {temperature}, {} 1/s", typed(self.friction_per_s))

@@ -242,7 +242,9 @@ impl Chain {
     /// The same at an overlap (m).
     pub fn force_n(&self, contact: usize, overlap_m: f64) -> f64 {
         let by_law = self.law.force(self.stiffness_of(contact), overlap_m);
-        self.terms.iter().fold(by_law, |sum, term| sum + term.law.force(term.stiffness_of(contact), overlap_m))
+        self.terms
+            .iter()
+            .fold(by_law, |sum, term| sum + term.law.force(term.stiffness_of(contact), overlap_m))
     }
 
     /// True if the forces of `contacts` are one power of the overlap, that of the chain's law, and no springs hold beads.

@@ -470,7 +470,7 @@ impl RunConfig {
     fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
         let written = document.get("chain").and_then(toml::Value::as_table);
         let chain = &mut self.chain;
-        if chain.bonds.as_ref().is_some_and(|bonds| !bonds.hold()) && chain.spheres.is_none() {
+        if chain.bonds.as_ref().is_some_and(Bonds::let_go) && chain.spheres.is_none() {
             return Err(Bonds::refusal());
         }
         let usual = chain.scales();

@@ -250,7 +250,7 @@ impl RunManifest {
         let provenance = &self.provenance;
         if !(1..=MAX_STEPS).contains(&provenance.publish_every_steps) {
             let found = provenance.publish_every_steps;
-            return Err(ConfigError::value("stream.publish_every_steps", found, "1 or more"));
+            return Err(ConfigError::value("stream.publish_every_steps", found, "1 to 2^52"));
         }
         let record = provenance.record_every_steps;
         if record == 0 || record > MAX_STEPS || !record.is_multiple_of(provenance.publish_every_steps) {

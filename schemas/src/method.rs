@@ -214,6 +214,11 @@ impl Method {
         [Self::Rkn4].into_iter().chain(Self::ALL).find(takes_all).unwrap_or(Self::Rkn4)
     }
 
+    /// The names of all methods, in the order of the documentation.
+    pub fn names() -> String {
+        TABLE.map(|row| row.name).join(", ")
+    }
+
     /// The names of the methods that take `feature`.
     pub(crate) fn names_with(feature: Feature) -> String {
         let names: Vec<_> =
@@ -273,10 +278,8 @@ impl FromStr for Method {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|m| m.as_str() == name).ok_or_else(|| {
-            let known = TABLE.map(|row| row.name).join(", ");
-            format!("unknown method `{name}`; known methods: {known}")
-        })
+        let unknown = || format!("unknown method `{name}`; known methods: {}", Self::names());
+        Self::ALL.into_iter().find(|m| m.as_str() == name).ok_or_else(unknown)
     }
 }
 

@@ -70,6 +70,15 @@ pub fn vectorized<R>(arch: Arch, work: impl FnOnce() -> R) -> R {
     arch.dispatch(Work(work))
 }
 
+/// Slices cut to `count` numbers: in [`vectorized`] one check for each slice instead of one for each number.
+#[inline(always)]
+pub fn cut<const K: usize>(slices: [&[f64]; K], count: usize) -> [&[f64]; K] {
+    slices.map(
+        #[inline(always)]
+        |slice| &slice[..count],
+    )
+}
+
 /// `Σ term([a[i], b[i], …])` over slices `[a, b, …]` of one length, in an order that is the same at any width:
 /// eight interleaved partial sums, added up in pairs.
 ///

@@ -1,6 +1,6 @@
 //! Forces on each bead beside its contacts: springs at its place, drag, a resonator.
 
-use crate::simd::ordered_sum;
+use crate::simd::{cut, ordered_sum};
 use std::ops::Range;
 
 /// Arrays of N values, or empty where nothing of the kind acts.
@@ -39,28 +39,29 @@ impl Sites {
         *self == Self::default()
     }
 
-    /// The net force (N) on bead `i` at the displacement `u_m` (m), with its resonator at `w_m` (m) and the force `contacts_n` (N) of
-    /// its contacts.
+    /// Adds the forces (N) of springs and resonators to those of the contacts of `beads` in `net_n`, at the displacements (m) of the beads
+    /// and resonators of the chain; for use in [`vectorized`](crate::simd::vectorized).
     #[inline(always)]
-    pub fn net_n(&self, i: usize, contacts_n: f64, u_m: f64, w_m: f64) -> f64 {
-        let mut net_n = contacts_n;
-        if self.has_springs() {
-            net_n -= self.spring_n(i, u_m);
+    pub fn add_to(&self, net_n: &mut [f64], beads: &Range<usize>, [u_m, w_m]: [&[f64]; 2]) {
+        let count = net_n.len();
+        if self.has_springs() && self.cubic_n_per_m3.is_empty() {
+            let [k, u] = cut([&self.linear_n_per_m[beads.clone()], &u_m[beads.clone()]], count);
+            for i in 0..count {
+                net_n[i] -= k[i] * u[i];
+            }
+        } else if self.has_springs() {
+            let springs = [&self.linear_n_per_m, &self.cubic_n_per_m3, u_m].map(|all| &all[beads.clone()]);
+            let [k, k3, u] = cut(springs, count);
+            for i in 0..count {
+                net_n[i] -= k[i] * u[i] + k3[i] * (u[i] * u[i] * u[i]);
+            }
         }
         if self.has_resonators() {
-            net_n += self.resonator_n(i, u_m, w_m);
-        }
-        net_n
-    }
-
-    /// The force (N) that pulls bead `i` back to its place.
-    #[inline(always)]
-    fn spring_n(&self, i: usize, u_m: f64) -> f64 {
-        let linear_n = self.linear_n_per_m[i] * u_m;
-        if self.cubic_n_per_m3.is_empty() {
-            linear_n
-        } else {
-            linear_n + self.cubic_n_per_m3[i] * (u_m * u_m * u_m)
+            let springs = [&self.resonator_n_per_m, u_m, w_m].map(|all| &all[beads.clone()]);
+            let [k, u, w] = cut(springs, count);
+            for i in 0..count {
+                net_n[i] += k[i] * (w[i] - u[i]);
+            }
         }
     }
 

@@ -53,7 +53,7 @@ impl Summarizer {
     pub fn new(physics: &Physics) -> Self {
         let chain = physics.chain();
         Self {
-            initial_j: physics.initial_energy().total_j(),
+            initial_j: physics.initial_energy_of(&chain).total_j(),
             impurities: physics.impurities.iter().map(|impurity| impurity.bead).collect(),
             front_threshold_m_s: 1e-3 * physics.scales().speed_m_s(),
             physics: physics.clone(),
@@ -159,7 +159,7 @@ impl Drift {
         let median_j = 0.5 * *median_kg * (striker.velocity_m_s * striker.velocity_m_s);
         let piston = Piston { bead, mass_kg, median_j };
         let piston = (mass_kg >= PISTON_RATIO * *median_kg).then_some(piston);
-        let initial_j = physics.initial_energy().total_j();
+        let initial_j = physics.initial_energy_of(chain).total_j();
         let at_rest_j = (chain.rest_force_n.iter().zip(&chain.rest_overlap_m))
             .map(|(force_n, overlap_m)| force_n * overlap_m)
             .fold(0.0, |largest: f64, energy_j| if energy_j > largest { energy_j } else { largest });

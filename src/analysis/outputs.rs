@@ -8,12 +8,11 @@ use crate::outputs::extension;
 use bus::{ResultPublisher, ResultsError};
 use consumers::analysis::{Analysis, LastRow, Meaning, Number, Offer, Outlet, Report, RowValues, Words};
 use consumers::series::Series;
-use consumers::table::{Cell, Table, TableError};
+use consumers::table::{Cell, Table};
 use figure::{Figure, FigureError};
 use recording::{ContactsRow, ContactsWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame};
 use schemas::manifest::RunManifest;
-use schemas::results::ResultColumns;
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -23,7 +22,9 @@ pub(crate) struct Outputs {
     tables: Vec<Option<Table>>,
     /// Published rows in a file of their own, and their tolerance (m).
     map: Option<(ContactsWriter, f64)>,
-    publisher: Publisher,
+    /// Publishers of rows of numbers, and of rows of classes.
+    numbers: Option<ResultPublisher<f64>>,
+    classes: Option<ResultPublisher<u8>>,
     failure: Option<AnalysisError>,
     kept: Kept,
 }
@@ -35,14 +36,6 @@ pub(crate) struct Kept {
     last: LastRow,
     /// A curve for each column, if a figure is drawn.
     curves: Vec<Series<1>>,
-}
-
-#[derive(Default)]
-enum Publisher {
-    #[default]
-    None,
-    Numbers(ResultPublisher<f64>),
-    Classes(ResultPublisher<u8>),
 }
 
 impl Outputs {
@@ -74,7 +67,10 @@ impl Outputs {
             outputs.kept.curves = vec![Series::default(); drawn];
         }
         if let Some((session, columns)) = session.zip(published) {
-            outputs.publisher = Publisher::open(session, asked, &columns)?;
+            match columns.tolerance_m {
+                Some(_) => outputs.classes = session.results(asked.offer, &columns)?,
+                None => outputs.numbers = session.results(asked.offer, &columns)?,
+            }
         }
         Ok(outputs)
     }
@@ -93,12 +89,8 @@ impl Outputs {
     /// Ends everything; `end` says how the frames ended. Gives the rows that were kept.
     pub(crate) fn finish(mut self, end: EndReason) -> Result<Kept, Failure> {
         self.check()?;
-        let ended = match self.publisher {
-            Publisher::None => Ok(()),
-            Publisher::Numbers(publisher) => publisher.finish(),
-            Publisher::Classes(publisher) => publisher.finish(),
-        };
-        unless_stopped(ended)?;
+        unless_stopped(self.numbers.map_or(Ok(()), ResultPublisher::finish))?;
+        unless_stopped(self.classes.map_or(Ok(()), ResultPublisher::finish))?;
         self.tables.into_iter().flatten().try_for_each(|table| table.finish().map(drop))?;
         self.map.map(|(map, _)| map.finish(end)).transpose()?;
         Ok(self.kept)
@@ -113,19 +105,15 @@ impl Kept {
         }
         let (mut words, mut results) = (Words::default(), serde_json::Map::new());
         for Meaning { name, .. } in offer.numbers() {
-            match self.last.value(offer, analysis, name, None) {
-                Some(Number::Count(value)) => {
-                    words.add(*name, count(value));
-                    results.insert((*name).to_owned(), value.into());
-                }
-                Some(Number::Double(value)) if value.is_finite() => {
-                    words.add(*name, number(value));
-                    results.insert((*name).to_owned(), value.into());
-                }
-                _ => {
-                    results.insert((*name).to_owned(), Value::Null);
-                }
+            let (text, value) = match self.last.value(offer, analysis, name, None) {
+                Some(Number::Count(value)) => (count(value).to_string(), value.into()),
+                Some(Number::Double(value)) if value.is_finite() => (number(value), value.into()),
+                _ => (String::new(), Value::Null),
+            };
+            if !value.is_null() {
+                words.add(*name, text);
             }
+            results.insert((*name).to_owned(), value);
         }
         Report { title: offer.name, words, results: results.into(), ..Report::default() }
     }
@@ -145,15 +133,6 @@ impl Kept {
     }
 }
 
-impl Publisher {
-    fn open(session: &Session<'_>, asked: &AskedAnalysis, columns: &ResultColumns) -> Result<Self, Failure> {
-        Ok(match columns.tolerance_m {
-            Some(_) => session.results(asked.offer, columns)?.map_or(Self::None, Self::Classes),
-            None => session.results(asked.offer, columns)?.map_or(Self::None, Self::Numbers),
-        })
-    }
-}
-
 impl Outlet for Outputs {
     fn wants(&self, table: usize) -> bool {
         self.tables.get(table).is_some_and(Option::is_some)
@@ -161,26 +140,19 @@ impl Outlet for Outputs {
 
     fn line(&mut self, table: usize, cells: &[Cell]) {
         let Some(Some(file)) = self.tables.get_mut(table) else { return };
-        for cell in cells {
-            file.cell(cell.clone());
-        }
-        let done: Result<(), TableError> = file.end_row();
+        let done = file.add_row(cells);
         self.keep(done);
     }
 
     fn is_published(&self) -> bool {
-        !matches!(self.publisher, Publisher::None)
+        self.numbers.is_some() || self.classes.is_some()
     }
 
     fn publish(&mut self, frame: &Frame<'_>, row: RowValues<'_>) {
         let (number, step, time_s) = (frame.frame, frame.step, frame.time_s);
-        let done = match (&mut self.publisher, row) {
-            (Publisher::Numbers(publisher), RowValues::Numbers(row)) => {
-                publisher.publish(number, step, time_s, row)
-            }
-            (Publisher::Classes(publisher), RowValues::Classes(row)) => {
-                publisher.publish(number, step, time_s, row)
-            }
+        let done = match (&mut self.numbers, &mut self.classes, row) {
+            (Some(numbers), _, RowValues::Numbers(row)) => numbers.publish(number, step, time_s, row),
+            (_, Some(classes), RowValues::Classes(row)) => classes.publish(number, step, time_s, row),
             _ => Ok(()),
         };
         self.keep(unless_stopped(done));

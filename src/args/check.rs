@@ -35,7 +35,7 @@ pub(crate) struct CheckArgs {
     #[arg(long, value_name = "X", default_value_t = consumers::determination::TOLERANCE, value_parser = parse_tolerance)]
     pub(crate) tolerance: f64,
     /// Draw the growth of the errors, repeatable
-    #[arg(long, value_name = "FILE.svg|.png")]
+    #[arg(long, value_name = "FILE.svg|.png|.pdf")]
     pub(crate) figure: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) look: LookArgs,

@@ -1,8 +1,7 @@
 //! States for other programs.
 
-use super::values::{parse_jobs, parse_positive, parse_time};
+use super::values::{one_of, parse_jobs, parse_positive, parse_time};
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use exports::Format;
 use schemas::beads::Beads;
 use source::Named;
@@ -26,7 +25,7 @@ pub(crate) struct ExportArgs {
     #[arg(value_name = "FILE")]
     pub(crate) file: Named,
     /// Format [default: the one that the name of PATH ends with]
-    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    #[arg(long, value_name = "FORMAT", value_parser = one_of(Format::ALL, |format| format.name().into()))]
     pub(crate) to: Option<Format>,
     /// File to write
     #[arg(long, value_name = "PATH")]
@@ -58,12 +57,4 @@ pub(crate) struct ExportArgs {
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// The formats by their names.
-fn formats() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::ALL.map(Format::name)).map(|name| {
-        let format = Format::ALL.into_iter().find(|format| format.name() == name);
-        format.unwrap_or(Format::ALL[0]) // no other name gets here
-    })
 }

@@ -15,11 +15,16 @@ const TABLES: &str = "For tables";
 
 /// Quantities along the chain, and the analyses that draw a figure unasked.
 pub(crate) fn subjects() -> PossibleValuesParser {
-    let fields = Field::ALL.map(|field| PossibleValue::new(field.as_str()).help(field.about()));
+    let fields = Field::ALL.map(quantity);
     let analyses = analyses::all()
         .filter(|offer| offer.draws_unasked())
         .map(|offer| PossibleValue::new(offer.name).help(format!("As `beadline {} --figure`", offer.name)));
     PossibleValuesParser::new(fields.into_iter().chain(analyses))
+}
+
+/// A quantity along the chain by its name.
+pub(super) fn quantity(field: Field) -> PossibleValue {
+    PossibleValue::new(field.as_str()).help(field.about())
 }
 
 /// Look of figures, for all commands that draw.

@@ -1,9 +1,11 @@
 //! Films.
 
 use super::ColoursArg;
-use super::values::{ColourRange, parse_film_seconds, parse_jobs, parse_range, parse_size, parse_time};
+use super::figures::quantity;
+use super::values::{
+    ColourRange, one_of, parse_film_seconds, parse_jobs, parse_range, parse_size, parse_time,
+};
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use consumers::fields::Field;
 use schemas::beads::Beads;
 use source::Named;
@@ -38,7 +40,7 @@ pub(crate) struct FilmArgs {
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub(crate) size: (u32, u32),
     /// Quantity of the map and of the chain
-    #[arg(long, default_value = "velocity", value_parser = fields())]
+    #[arg(long, default_value = "velocity", value_parser = one_of(Field::ALL, quantity))]
     pub(crate) field: Field,
     /// Begin at this simulated time (s)
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_time)]
@@ -67,13 +69,4 @@ pub(crate) struct FilmArgs {
     /// Print the summary as JSON
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// The quantities by their names.
-fn fields() -> impl TypedValueParser<Value = Field> {
-    let names = Field::ALL.map(|field| PossibleValue::new(field.as_str()).help(field.about()));
-    PossibleValuesParser::new(names).map(|name| {
-        let field = Field::ALL.into_iter().find(|field| field.as_str() == name);
-        field.unwrap_or(Field::Velocity) // no other name gets here
-    })
 }

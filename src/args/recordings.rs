@@ -70,7 +70,7 @@ pub(crate) struct RecordArgs {
     /// Give up when no run appears within this time (s) [default: wait]
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub(crate) timeout: Option<f64>,
-    /// Replace files that exist
+    /// Replace files that exist, but no parts in a store
     #[arg(long)]
     pub(crate) force: bool,
     /// Print the summary as JSON

@@ -29,17 +29,15 @@ fn parse_time_limit(text: &str) -> Result<TimeLimit, String> {
         part.parse::<u64>().ok().filter(|number| is_number && *number < 1 << 31)
     };
     let parts: Option<Vec<u64>> = rest.split(':').map(part).collect();
-    let seconds = match (days.map(part), parts.as_deref()) {
-        (None, Some([minutes])) => Some(minutes * 60),
-        (None, Some([minutes, seconds])) => Some(minutes * 60 + seconds),
-        (None, Some([hours, minutes, seconds])) => Some(hours * 3600 + minutes * 60 + seconds),
-        (Some(Some(days)), Some([hours])) => Some(days * 86_400 + hours * 3600),
-        (Some(Some(days)), Some([hours, minutes])) => Some(days * 86_400 + hours * 3600 + minutes * 60),
-        (Some(Some(days)), Some([hours, minutes, seconds])) => {
-            Some(days * 86_400 + hours * 3600 + minutes * 60 + seconds)
-        }
-        _ => None,
-    };
+    let seconds = days.map_or(Some(0), part).zip(parts).and_then(|(whole_days, parts)| {
+        // without days one number or two are minutes and seconds
+        let units = match (days, parts.len()) {
+            (None, 1 | 2) => &[60, 1][..],
+            (_, 1..=3) => &[3600, 60, 1],
+            _ => return None,
+        };
+        Some(whole_days * 86_400 + parts.iter().zip(units).map(|(part, unit)| part * unit).sum::<u64>())
+    });
     match seconds.filter(|seconds| *seconds < 60 << 31) {
         // of 0 Slurm makes no limit
         Some(0) => Ok(TimeLimit { text, seconds: None }),

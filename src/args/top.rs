@@ -1,7 +1,7 @@
 //! The screen in the terminal.
 
+use super::values::one_of;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use screen::Field;
 use source::Named;
 
@@ -19,16 +19,11 @@ pub(crate) struct TopArgs {
     #[arg(value_name = "SOURCE", default_value = "live", hide_default_value = true)]
     pub(crate) source: Named,
     /// Field along the chain and over time
-    #[arg(long, default_value = "velocity", value_parser = fields())]
+    #[arg(long, default_value = "velocity", value_parser = one_of(Field::ALL, |field| field.name().into()))]
     pub(crate) field: Field,
     /// Screens a second, at most
     #[arg(long, value_name = "N", default_value = "10", value_parser = parse_rate)]
     pub(crate) rate: f64,
-}
-
-fn fields() -> impl clap::builder::TypedValueParser<Value = Field> {
-    PossibleValuesParser::new(Field::ALL.map(Field::name))
-        .map(|name| Field::of_name(&name).unwrap_or(Field::Velocity))
 }
 
 fn parse_rate(text: &str) -> Result<f64, String> {

@@ -1,5 +1,6 @@
 //! Values as they are written on the command line.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use figure::Options;
 use recording::Split;
 use std::fmt;
@@ -38,6 +39,17 @@ pub(super) fn parse_count(text: &str) -> Result<usize, String> {
 /// A number; its user checks the range.
 pub(super) fn parse_number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| "expected a number, such as 0.5 or 1e-3".to_owned())
+}
+
+/// A parser of the names of `all`, which shells can complete.
+pub(super) fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [T; N],
+    named: fn(T) -> PossibleValue,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.map(named)).map(move |name| {
+        let found = all.into_iter().find(|one| named(*one).get_name() == name);
+        found.unwrap_or(all[0]) // no other name gets here
+    })
 }
 
 pub(super) fn parse_dpi(text: &str) -> Result<f64, String> {

@@ -71,7 +71,7 @@ pub(crate) fn analyse(asked: &AskedAnalysis) -> Result<Done, Failure> {
     draw(&common, || kept.figure(&manifest, asked.offer, &mut *analysis))?;
     let Report { title, words, results, notices, is_lossy } = kept.report(asked.offer, &mut *analysis);
     notices.iter().for_each(display::notice);
-    let done = session.report(&tally, title, Rows::from(words), results)?;
+    let done = session.report(&tally, title, words, results)?;
     Ok(if is_lossy { Done::Lossy } else { done })
 }
 
@@ -152,7 +152,7 @@ fn without_frames(
     draw(&asked.common, || kept.figure(manifest, asked.offer, &mut *analysis))?;
     let Report { title, words, results, notices, .. } = kept.report(asked.offer, &mut *analysis);
     notices.iter().for_each(display::notice);
-    let (name, mut rows) = (&manifest.provenance.name, Rows::from(words));
+    let (name, mut rows) = (&manifest.provenance.name, words);
     rows.each("figure", asked.common.figure.iter().map(|path| path.display()));
     let figures = display::texts_of(&asked.common.figure);
     let all = json!({ "run": name, "figures": figures, "results": results });
@@ -283,7 +283,7 @@ fn redraw(asked: &AskedAnalysis, mut kept: ContactsReader) -> Result<Done, Failu
     report(frames.json, &found, || {
         let mut all = Rows::default();
         all.add("frames", count(row_count));
-        all.append(Rows::from(words));
+        all.append(words);
         all.each("figure", common.figure.iter().map(|path| path.display()));
         all.under(format_args!("map of contacts of {name} ({end})"))
     })?;

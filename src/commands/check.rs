@@ -1,7 +1,7 @@
 //! `beadline check`: until when a run is determined, and to which digits.
 
 use crate::args::CheckArgs;
-use crate::configuration::{configure, replaced_key};
+use crate::configuration::{Asked, configure, replaced_key};
 use crate::determining::{check_noise, explanation, json, table};
 use crate::display;
 use crate::failure::{BadInput, Done, Failure};
@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::report::report;
 use crate::signals;
 use anyhow::anyhow;
-use consumers::determination::{Determination, Outcome, Quantity, verdict};
+use consumers::determination::{Determination, Quantity, verdict};
 use consumers::table::Table;
 use experiments::compare::{Compared, compare};
 use producer::resimulation::check_kernel;
@@ -68,19 +68,15 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Done, Failure> {
     if differs {
         notice!("the last recorded state is not the one that this program computes; see `beadline verify`");
     }
-    Ok(Done::whole_if(is_whole(&outcome) && !stopped && !differs))
-}
-
-/// True if everything is determined to the end.
-fn is_whole(outcome: &Outcome) -> bool {
-    outcome.first_lost().is_none()
+    Ok(Done::whole_if(outcome.first_lost().is_none() && !stopped && !differs))
 }
 
 /// The run that `args` name: a recording's up to its end, or a configuration's.
 fn subject(args: &CheckArgs) -> Result<Subject, Failure> {
     let recording = args.source.as_ref().filter(|path| extension(path) != "toml");
     let Some(path) = recording else {
-        let manifest = configure(args)?.manifest;
+        let (config, preset, overrides) = (args.source.as_ref(), args.preset.as_str(), &args.overrides);
+        let manifest = configure(&Asked { config, preset, name: None, credit: None, overrides })?.manifest;
         return Ok(Subject { last_step: manifest.physics.step_count, recorded_hash: None, manifest });
     };
     if let Some(key) = replaced_key(&args.overrides) {

@@ -7,6 +7,7 @@ use crate::commands::thin::thin_quietly;
 use crate::configuration::preset;
 use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
+use crate::report::Rows;
 use crate::signals;
 use anyhow::{Context, anyhow};
 use bus::{Bus, list_runs};
@@ -31,6 +32,12 @@ use std::time::{Duration, Instant};
 /// The run that the demo shows.
 const PRESET: &str = "light-impurity";
 
+/// The recording of this run.
+const RECORDING: &str = "light-impurity.mcap";
+/// Every [`SPARSE_EVERY_STEPS`]-th state of the recording, from which the others can be recomputed.
+const SPARSE: &str = "light-impurity-sparse.mcap";
+/// The page that holds every step.
+const PAGE: &str = "light-impurity.html";
 /// Independent numbers for the leading pulses: direction, order, `v_peak_m_s`, `speed_beads_per_s`.
 const REFERENCE: &str = include_str!("../../tests/reference/light-impurity-pulses.csv");
 /// The beads at which these were taken.
@@ -78,20 +85,16 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
     let passages = look_at_recording(args)?;
-    let sparse = thin_quietly(&recording_path(dir), &sparse_path(dir), SPARSE_EVERY_STEPS, args.force)?;
+    let sparse = thin_quietly(&dir.join(RECORDING), &dir.join(SPARSE), SPARSE_EVERY_STEPS, args.force)?;
 
-    share_recording(
-        &recording_path(dir),
-        &page_path(dir),
-        &Sharing { force: args.force, ..Sharing::default() },
-        &stop,
-    )?;
+    let sharing = Sharing { force: args.force, ..Sharing::default() };
+    share_recording(&dir.join(RECORDING), &dir.join(PAGE), &sharing, &stop)?;
 
     let mut text = summary(&run, &consumers);
     text.push_str(&sizes(dir, &sparse)?);
     text.push_str(&pulses_table(&passages));
     text.push_str(&files_table(dir)?);
-    let (page, recording) = (page_path(dir), recording_path(dir));
+    let (page, recording) = (dir.join(PAGE), dir.join(RECORDING));
     let _ = writeln!(
         text,
         "\nto look at every step of it, without a network and without Beadline: open {}",
@@ -117,20 +120,6 @@ fn step_count() -> Result<u64, Failure> {
     Ok(Physics::resolve(&preset(PRESET)?.config())?.step_count)
 }
 
-fn recording_path(dir: &Path) -> PathBuf {
-    dir.join(format!("{PRESET}.mcap"))
-}
-
-/// Every [`SPARSE_EVERY_STEPS`]-th state of the recording, from which the others can be recomputed.
-fn sparse_path(dir: &Path) -> PathBuf {
-    dir.join(format!("{PRESET}-sparse.mcap"))
-}
-
-/// The page that holds every step.
-fn page_path(dir: &Path) -> PathBuf {
-    dir.join(format!("{PRESET}.html"))
-}
-
 /// The tables and figures.
 fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
     let of_consumers = CONSUMERS.iter().flat_map(|(_, outputs)| outputs.iter().map(|(_, file)| *file));
@@ -139,13 +128,12 @@ fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
 
 /// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
-    let partial = recording_path(dir).with_extension("mcap.partial");
-    let others = [recording_path(dir), partial, sparse_path(dir), page_path(dir)];
+    let partial = dir.join(RECORDING).with_extension("mcap.partial");
+    let others = [dir.join(RECORDING), partial, dir.join(SPARSE), dir.join(PAGE)];
     let taken = outputs(dir).chain(others).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
-            let message = format!("{} exists already; choose another --out or pass --force", path.display());
-            Err(Failure::BadInput(anyhow!(message)))
+            Err(bad_input!("{} exists already; choose another --out or pass --force", path.display()))
         }
         _ => Ok(()),
     }
@@ -168,7 +156,7 @@ impl Processes {
             Ok(())
         };
         let run = ["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"];
-        start("run", run.map(OsString::from).into_iter().chain([recording_path(dir).into()]).collect())?;
+        start("run", run.map(OsString::from).into_iter().chain([dir.join(RECORDING).into()]).collect())?;
         for (role, outputs) in CONSUMERS {
             let mut words = [role, &format!("live:{name}"), "--timeout", "60"].map(OsString::from).to_vec();
             words.extend(outputs.iter().flat_map(|(flag, file)| [flag.into(), dir.join(file).into()]));
@@ -256,7 +244,7 @@ impl FrameObserver for Look {
 /// Reads the recording from beginning to end: draws its last frame, finds its pulses.
 fn look_at_recording(args: &DemoArgs) -> Result<Vec<Passage>, Failure> {
     let dir = &args.out;
-    let mut source = RecordingSource::open(&recording_path(dir))?;
+    let mut source = RecordingSource::open(&dir.join(RECORDING))?;
     let manifest = source.manifest().clone();
     let mut look =
         Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: HeldFrame::default() };
@@ -281,37 +269,31 @@ fn summary(run: &Value, consumers: &[Value; 3]) -> String {
         Uncertain::new(float(&energies[name]), float(found)).to_string()
     };
     let wall_s = float(&run["wall_s"]);
-    let steps_per_s = float(&run["steps"]) / wall_s;
-    let rows = [
-        ("frames sent", number(&run["frames_published"])),
-        ("frames recorded", number(&run["frames_recorded"])),
-        ("received by energies", received(&consumers[0])),
-        ("received by impurity", received(&consumers[1])),
-        ("received by contacts", received(&consumers[2])),
-        ("largest energy drift |ΔE/E|", format!("{:.1e}", float(&energies["max_abs_relative_drift"]))),
-        ("reflected/total energy", ratio("reflected_over_total")),
-        ("reflected/transmitted energy", ratio("reflected_over_transmitted")),
-        (
-            "run, with everything attached",
-            format!("{} ({:.0} k steps/s)", seconds(wall_s), steps_per_s / 1e3),
-        ),
-    ];
-    display::rows(&format!("{PRESET}: {} steps", number(&run["steps"])), &rows)
+    let mut rows = Rows::default();
+    rows.add("frames sent", number(&run["frames_published"]));
+    rows.add("frames recorded", number(&run["frames_recorded"]));
+    rows.add("received by energies", received(&consumers[0]));
+    rows.add("received by impurity", received(&consumers[1]));
+    rows.add("received by contacts", received(&consumers[2]));
+    let drift = float(&energies["max_abs_relative_drift"]);
+    rows.add("largest energy drift |ΔE/E|", format_args!("{drift:.1e}"));
+    rows.add("reflected/total energy", ratio("reflected_over_total"));
+    rows.add("reflected/transmitted energy", ratio("reflected_over_transmitted"));
+    let (wall, k_steps_per_s) = (seconds(wall_s), float(&run["steps"]) / wall_s / 1e3);
+    rows.add("run, with everything attached", format_args!("{wall} ({k_steps_per_s:.0} k steps/s)"));
+    rows.under(format_args!("{PRESET}: {} steps", number(&run["steps"])))
 }
 
 /// The recording and the thinned one, which holds the same steps.
 fn sizes(dir: &Path, sparse: &Finished) -> Result<String, Failure> {
-    let path = recording_path(dir);
+    let path = dir.join(RECORDING);
     let full = fs::metadata(&path).with_context(|| format!("{} cannot be read", path.display()))?.len();
     let ratio = full as f64 / sparse.bytes as f64;
-    let rows = [
-        ("every state", bytes(full).to_string()),
-        (
-            "every 100th",
-            format!("{}, {ratio:.0} times smaller: the others are recomputed", bytes(sparse.bytes)),
-        ),
-    ];
-    Ok(format!("\n{}", display::rows("recordings", &rows)))
+    let mut rows = Rows::default();
+    rows.add("every state", bytes(full));
+    let size = bytes(sparse.bytes);
+    rows.add("every 100th", format_args!("{size}, {ratio:.0} times smaller: the others are recomputed"));
+    Ok(format!("\n{}", rows.under("recordings")))
 }
 
 /// The leading pulses beside independent numbers.
@@ -341,7 +323,7 @@ fn pulses_table(passages: &[Passage]) -> String {
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
     let mut text = String::from("\nfiles\n");
-    for path in [recording_path(dir), sparse_path(dir), page_path(dir)].into_iter().chain(outputs(dir)) {
+    for path in [dir.join(RECORDING), dir.join(SPARSE), dir.join(PAGE)].into_iter().chain(outputs(dir)) {
         let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
         let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
     }

@@ -9,7 +9,7 @@ use crate::outputs::{check_place, extension};
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
-use anyhow::{Error, anyhow};
+use anyhow::Error;
 use consumers::follow::{FollowError, FrameObserver, Tally, follow_within};
 use exports::{Excerpt, Export, ExportError, Format};
 use producer::resimulation::Lend;
@@ -68,11 +68,11 @@ pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let tally = follow(&mut frames, &mut exporting, window)?;
     let Exporting { mut export, states, steps, .. } = exporting;
     if tally.end == EndReason::Stopped || !assemble(&mut *export, &excerpt, &stop)? {
-        return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
+        return Err(Failure::stopped());
     }
     let Some(steps) = steps else { return Err(nothing_to_export(args)) };
     let paths = export.finish()?;
-    tell(args, format, &excerpt, &Exported { states, steps, tally, paths })
+    tell(args, format, &excerpt, (states, steps), &tally, &paths)
 }
 
 /// The format of --to, or of the output's name.
@@ -170,17 +170,15 @@ fn nothing_to_export(args: &ExportArgs) -> Failure {
     bad_input!("{}: there is no state in this part of the run{advice}", args.file)
 }
 
-/// Summary of an export.
-struct Exported {
-    states: u64,
-    steps: (u64, u64),
-    tally: Tally,
-    paths: Vec<PathBuf>,
-}
-
 /// Prints the summary and says whether anything is missing.
-fn tell(args: &ExportArgs, format: Format, excerpt: &Excerpt, exported: &Exported) -> Result<Done, Failure> {
-    let Exported { states, steps: (first, last), tally, paths } = exported;
+fn tell(
+    args: &ExportArgs,
+    format: Format,
+    excerpt: &Excerpt,
+    (states, (first, last)): (u64, (u64, u64)),
+    tally: &Tally,
+    paths: &[PathBuf],
+) -> Result<Done, Failure> {
     let sizes =
         paths.iter().map(|path| Ok(path.metadata()?.len())).collect::<Result<Vec<_>, std::io::Error>>()?;
     let total: u64 = sizes.iter().sum();
@@ -204,8 +202,8 @@ fn tell(args: &ExportArgs, format: Format, excerpt: &Excerpt, exported: &Exporte
         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
         let end_text = display::end(tally.end, args.until.filter(|_| tally.ended_as_asked));
         let mut rows = Rows::default();
-        rows.add("states", format_args!("{}, steps {} to {}", count(*states), count(*first), count(*last)));
-        rows.add("time", display::range([first, last].map(|step| manifest.physics.time_s(*step)), "s"));
+        rows.add("states", format_args!("{}, steps {} to {}", count(states), count(first), count(last)));
+        rows.add("time", display::range([first, last].map(|step| manifest.physics.time_s(step)), "s"));
         rows.add("beads", format_args!("{start} to {}", end - 1));
         rows.add("written", format_args!("{} as {format}, {}", names.join(", "), bytes(total)));
         rows.under(format_args!("{} exported ({end_text})", args.file))

@@ -3,43 +3,25 @@
 mod reel;
 
 use super::plot::{places, steps_of};
-use crate::analysis::{AnalysisError, Session, window};
+use crate::analysis::{Session, window};
 use crate::args::{FilmArgs, FramesArgs};
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput as _, Done, Failure};
 use crate::outputs::check_place;
 use crate::progress::Progress;
 use crate::report::Rows;
-use anyhow::anyhow;
-use consumers::follow::{FrameObserver, Tally};
+use crate::threads;
+use consumers::follow::Tally;
 use consumers::footage::{Footage, Shot};
 use consumers::space_time::Extent;
-use figure::{Dots, FigureError, Scene};
+use figure::Scene;
 use plots::Film;
 use reel::{Form, Reel};
-use schemas::frame::{EndReason, Frame};
+use schemas::frame::EndReason;
 use serde_json::json;
-use std::num::NonZero;
-use std::thread;
 
 /// Pictures a second, as of the page.
 const PER_SECOND: u16 = 25;
-
-/// The frames of a run on their way into a film.
-struct Filming(Footage);
-
-impl FrameObserver for Filming {
-    type Error = AnalysisError;
-
-    fn observe(&mut self, frame: &Frame<'_>) -> Result<(), AnalysisError> {
-        self.0.observe(frame);
-        Ok(())
-    }
-
-    fn gap(&mut self) {
-        self.0.gap();
-    }
-}
 
 pub(crate) fn film(args: &FilmArgs) -> Result<Done, Failure> {
     let form = Form::of(&args.out)?;
@@ -58,13 +40,11 @@ pub(crate) fn film(args: &FilmArgs) -> Result<Done, Failure> {
         session = open(&frames)?;
     }
     let extent = Extent { places: places(args.beads, args.field, &manifest)?, steps };
-    let footage = Footage::new(&manifest, args.field, extent, wanted, frames.every_step);
-    let mut filming = Filming(footage);
-    let tally = session.follow(&mut filming)?;
-    let Filming(mut footage) = filming;
+    let mut footage = Footage::new(&manifest, args.field, extent, wanted, frames.every_step);
+    let tally = session.follow(&mut footage)?;
     footage.end();
     if tally.end == EndReason::Stopped {
-        return Err(stopped());
+        return Err(Failure::stopped());
     }
     if footage.shots.is_empty() {
         return Err(bad_input!(
@@ -103,10 +83,6 @@ fn open(frames: &FramesArgs) -> Result<Session<'_>, Failure> {
     Session::of_part(frames, "film", &[], |manifest| window(frames.from, frames.until, manifest))
 }
 
-fn stopped() -> Failure {
-    Failure::Stopped(anyhow!("stopped: nothing was written"))
-}
-
 /// Draws the pictures, as many at a time as there are threads, and writes them in their order.
 fn shoot(
     args: &FilmArgs,
@@ -118,15 +94,15 @@ fn shoot(
 ) -> Result<(), Failure> {
     let draw = |shot: &Shot| scene.picture(&film.moment(shot));
     // the last picture has all curves, and colours as the others have them
-    let sample = shots.last().map(draw).transpose()?.ok_or_else(stopped)?;
+    let sample = shots.last().map(draw).transpose()?.ok_or_else(Failure::stopped)?;
     let mut reel = Reel::begin(form, args, shots.len(), &sample)?;
-    let jobs = args.jobs.unwrap_or_else(|| thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN));
+    let jobs = threads::or_cores(args.jobs).get();
     let mut progress = Progress::new(shots.len() as u64, "drawing");
     let mut done = 0;
-    for batch in shots.chunks(jobs.get()) {
-        for picture in drawn(batch, &draw) {
+    for batch in shots.chunks(jobs) {
+        for picture in threads::each(batch, jobs, draw) {
             if session.is_stopped() {
-                return Err(stopped());
+                return Err(Failure::stopped());
             }
             reel.push(picture?)?;
             done += 1;
@@ -135,24 +111,6 @@ fn shoot(
     }
     progress.finish();
     reel.finish()
-}
-
-/// The pictures of some shots, each drawn by a thread of its own where the system grants one.
-fn drawn(
-    shots: &[Shot],
-    draw: &(impl Fn(&Shot) -> Result<Dots, FigureError> + Sync),
-) -> Vec<Result<Dots, FigureError>> {
-    thread::scope(|scope| {
-        let started: Vec<_> = shots
-            .iter()
-            .map(|shot| (shot, thread::Builder::new().spawn_scoped(scope, move || draw(shot)).ok()))
-            .collect();
-        // a thread that panics has a mistake of ours, which the second attempt shows
-        started
-            .into_iter()
-            .map(|(shot, thread)| thread.and_then(|it| it.join().ok()).unwrap_or_else(|| draw(shot)))
-            .collect()
-    })
 }
 
 /// Prints the summary and says whether anything is missing.

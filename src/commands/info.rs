@@ -50,16 +50,11 @@ fn state(info: &RecordingInfo, is_being_written: bool) -> String {
     }
 }
 
-/// Steps between the first and the last state.
-fn last_steps(info: &RecordingInfo) -> u64 {
-    info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
-}
-
 fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
-            steps if steps != 1 && info.frames() != last_steps(info) + 1 => {
+            steps if steps != 1 && info.frames() != info.covered_steps() + 1 => {
                 format!("every {} steps", count(steps))
             }
             _ => "every step".to_owned(),

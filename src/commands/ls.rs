@@ -37,7 +37,7 @@ const COLUMNS: [(&str, u32); 8] =
 
 /// A line for each run, and below it one for each of its consumers.
 fn table(runs: &[RunInfo], columns: usize) -> String {
-    let mut lines = aligned(COLUMNS, runs.iter().map(cells).collect(), columns).into_iter();
+    let mut lines = display::aligned(COLUMNS, runs.iter().map(cells).collect(), columns).into_iter();
     let mut text = lines.next().unwrap_or_default();
     for (run, line) in runs.iter().zip(lines) {
         text.push_str(&line);
@@ -46,28 +46,6 @@ fn table(runs: &[RunInfo], columns: usize) -> String {
         }
     }
     text
-}
-
-/// A line of the names of columns, and one for each row, in as many of the columns as have room.
-fn aligned<const N: usize>(
-    columns: [(&str, u32); N],
-    rows: Vec<[String; N]>,
-    columns_of_terminal: usize,
-) -> Vec<String> {
-    let header = columns.map(|(name, _)| name.to_owned());
-    let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
-    let widths: [usize; N] =
-        std::array::from_fn(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0));
-    let total = |most: u32| -> usize {
-        widths.iter().zip(columns).filter(|(_, (_, rank))| *rank <= most).map(|(width, _)| width + 2).sum()
-    };
-    let most = (0..=3).rev().find(|most| total(*most) - 2 <= columns_of_terminal).unwrap_or(0);
-    let line = |row: &[String; N]| {
-        let shown = (0..N).filter(|column| columns[*column].1 <= most);
-        let cells: Vec<_> = shown.map(|column| format!("{:1$}", row[column], widths[column])).collect();
-        format!("{}\n", cells.join("  ").trim_end())
-    };
-    rows.iter().map(line).collect()
 }
 
 /// Cells of a run in the list.
@@ -95,17 +73,18 @@ pub(super) fn cells(run: &RunInfo) -> [String; COLUMNS.len()] {
 /// `lossless  energies  5 frames behind  (process 4711)`
 fn consumer_line(consumer: &ConsumerInfo, all: &[ConsumerInfo]) -> String {
     let width = all.iter().map(|other| other.label.chars().count()).max().unwrap_or(0);
-    let lag = match consumer.lag_frames {
-        Some(lag) => format!("{} behind", display::counted(lag, "frame")),
-        None => "lag not told".to_owned(),
-    };
-    let missed = match consumer.missed {
-        None | Some(0) => String::new(),
-        Some(missed) => format!(", {} missed", display::count(missed)),
-    };
+    let lag = lag_in_words(consumer, consumer.lag_frames.map(|lag| display::counted(lag, "frame")));
     let process = consumer.pid.map_or_else(String::new, |pid| format!("  (process {pid})"));
     let (delivery, label) = (consumer.delivery.as_str(), display::printable(&consumer.label));
-    format!("  {delivery:8}  {label:width$}  {lag}{missed}{process}\n")
+    format!("  {delivery:8}  {label:width$}  {lag}{process}\n")
+}
+
+/// The `lag` of a consumer, and the frames that it missed.
+pub(super) fn lag_in_words(consumer: &ConsumerInfo, lag: Option<String>) -> String {
+    let lag = lag.map_or_else(|| "lag not told".to_owned(), |lag| format!("{lag} behind"));
+    let missed = consumer.missed.filter(|missed| *missed > 0);
+    let missed = missed.map_or_else(String::new, |missed| format!(", {} missed", display::count(missed)));
+    lag + &missed
 }
 
 fn to_json(run: &RunInfo) -> serde_json::Value {

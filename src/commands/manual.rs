@@ -52,10 +52,7 @@ pub(crate) fn man(args: &ManArgs) -> Result<Done, Failure> {
 }
 
 fn print_one(command: &Command, name: Option<&str>) -> Result<Done, Failure> {
-    let found = match name {
-        None => Some(command),
-        Some(name) => command.find_subcommand(name),
-    };
+    let found = name.map_or(Some(command), |name| command.find_subcommand(name));
     let unknown =
         || anyhow!("there is no command `{}`; `beadline --help` lists them", name.unwrap_or_default());
     display::print(String::from_utf8(page(found.ok_or_else(unknown).bad_input()?)?)?)?;

@@ -1,6 +1,7 @@
 //! `beadline orbit`: periodic orbits, their multipliers, branches and maps of orbits.
 
 mod map;
+mod words;
 
 use crate::args::OrbitArgs;
 use crate::configuration::origin;
@@ -17,7 +18,7 @@ use experiments::recorded::record;
 use figure::Figure;
 use orbits::branch::{Change, End, Step};
 use orbits::file::File;
-use orbits::multipliers::{Limit, Multipliers};
+use orbits::multipliers::Multipliers;
 use orbits::shown::Mark;
 use orbits::switching::Beginning;
 use orbits::{MapError, NoOrbit, Orbit, Search, shown};
@@ -29,6 +30,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use words::{add_rows, tell_residual, told, words};
 
 /// Orbit files to begin with.
 const EXAMPLES: [(&str, &str); 5] = [
@@ -47,9 +49,6 @@ const REPORT: &str = "orbit.json";
 
 /// Columns of a journal behind those of a branch, as JSON: the place on the branch, the change of stability before it, the branches born there.
 const KEPT: [&str; 3] = ["step", "change", "born"];
-
-/// Multipliers that are listed.
-const SHOWN: usize = 6;
 
 pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
     if let Some(asked) = &args.example {
@@ -120,8 +119,9 @@ impl Place<'_> {
         create_directory(self.out)?;
         let sign = self.out.join(SIGN);
         if self.args.force || fs::read_to_string(&sign).ok().as_deref() != Some(self.text) {
-            for journal in [JOURNAL, map::JOURNAL] {
-                let _ = fs::remove_file(self.out.join(journal));
+            let entries = fs::read_dir(self.out)?.flatten();
+            for entry in entries.filter(|entry| is_result(&entry.file_name().to_string_lossy())) {
+                let _ = fs::remove_file(entry.path());
             }
         }
         Ok(whole_file::write(&sign, self.text.as_bytes(), true)?)
@@ -165,6 +165,16 @@ impl Place<'_> {
     }
 }
 
+/// True for the file names of the results of any orbit file, of which none stay beside those of another.
+fn is_result(name: &str) -> bool {
+    let Some((stem, end)) = name.rsplit_once('.') else { return false };
+    match end {
+        "mcap" => ["orbit", "last", "change-", "last-"].contains(&stem.trim_end_matches(char::is_numeric)),
+        "csv" | "png" | "journal" => ["branch", "map", "multipliers", "spectra"].contains(&stem),
+        _ => name == REPORT,
+    }
+}
+
 /// Finds one orbit and writes its results.
 fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -> Result<Done, Failure> {
     let orbit = search.find().map_err(failure)?;
@@ -182,101 +192,6 @@ fn one(place: &Place<'_>, file: &File, search: &Search<'_>, stop: &AtomicBool) -
     })?;
     tell_residual(&orbit);
     Ok(Done::Whole)
-}
-
-/// Tells that a residual is larger than rounding, and why.
-fn tell_residual(orbit: &Orbit) {
-    // the whole period has twice the roundings
-    if orbit.returns > 100.0 * orbits::newton::TOLERANCE {
-        notice!(
-            "the state comes back to {:.0e} only, of its size: where contacts open within steps, or changes grow by much in a period, no state \
-             comes back to rounding; more steps (orbit.steps) or parts (orbit.segments) help",
-            orbit.returns
-        );
-    }
-}
-
-fn words(orbit: &Orbit) -> String {
-    let found = limit(orbit).map_or(String::new(), |limit| format!("; multipliers: {limit}"));
-    format!("period {}, {}{found}", quantity(orbit.period_s(), "s"), shown::way(&orbit.multipliers))
-}
-
-/// The extent to which multipliers are found, where they are not all.
-fn limit(orbit: &Orbit) -> Option<String> {
-    let Limit { above, residual } = orbit.multipliers.limit()?;
-    Some(match orbit.multipliers.found() {
-        [] => format!("none above {above:.4} in size"),
-        _ => format!("those above {above:.4} in size, to a residual of {residual:.0e}"),
-    })
-}
-
-fn add_rows(rows: &mut Rows, orbit: &Orbit) {
-    let steps = orbit.physics.step_count;
-    let period = quantity(orbit.period_s(), "s");
-    rows.add(
-        "period",
-        format_args!("{period} ({} of {})", counted(steps, "step"), quantity(orbit.physics.dt_s, "s")),
-    );
-    let place = shown::place(orbit).map_or(String::new(), |place| format!(", {place}"));
-    rows.add("frequency", format_args!("{}{place}", quantity(1.0 / orbit.period_s(), "Hz")));
-    rows.add("energy", quantity(orbit.energy_j, "J"));
-    rows.add("largest displacement", format_args!("{} at its beginning", quantity(orbit.amplitude_m(), "m")));
-    let asked = orbit.surpassed().map(|(bead, size_m)| format!("{}, of bead {bead}", quantity(size_m, "m")));
-    rows.each("asked for", asked);
-    rows.add("comes back to", format_args!("{:.1e} of its size", orbit.returns));
-    let unstable: Vec<_> = orbit.multipliers.unstable().collect();
-    rows.add(
-        "stability",
-        if unstable.is_empty() {
-            shown::way(&orbit.multipliers).to_owned()
-        } else {
-            format!("{} outside of the unit circle", counted(unstable.len() as u64, "multiplier"))
-        },
-    );
-    rows.each(
-        "multiplier",
-        unstable.iter().take(SHOWN).map(|one| {
-            let kind = orbit.multipliers.kind(*one).as_str();
-            format!(
-                "{} {} {}i, |μ| = {}: {kind}",
-                number(one.re),
-                if one.im < 0.0 { '−' } else { '+' },
-                number(one.im.abs()),
-                beside_one(one.size())
-            )
-        }),
-    );
-    rows.more("multiplier", unstable.len() as u64, SHOWN, "");
-    rows.each("multipliers found", limit(orbit));
-}
-
-/// A size in digits that tell it from 1.
-fn beside_one(size: f64) -> String {
-    let above = size - 1.0;
-    if above > 0.0 && above < 1e-3 { format!("1 + {above:.2e}") } else { number(size) }
-}
-
-/// An orbit as JSON.
-fn told(orbit: &Orbit) -> Value {
-    let unstable = orbit.multipliers.unstable().map(|one| {
-        json!({ "re": one.re, "im": one.im, "size": one.size(), "kind": orbit.multipliers.kind(one).as_str() })
-    });
-    json!({
-        "period_s": orbit.period_s(),
-        "frequency_hz": 1.0 / orbit.period_s(),
-        "frequency_is": shown::place(orbit),
-        "steps": orbit.physics.step_count,
-        "dt_s": orbit.physics.dt_s,
-        "energy_j": orbit.energy_j,
-        "amplitude_m": orbit.amplitude_m(),
-        "asked_bead": orbit.asked_bead,
-        "residuals": orbit.residuals,
-        "returns": orbit.returns,
-        "is_stable": orbit.multipliers.is_stable(),
-        "unstable": unstable.collect::<Vec<_>>(),
-        "multipliers": orbit.multipliers.found(),
-        "multipliers_limit": orbit.multipliers.limit(),
-    })
 }
 
 /// A branch of orbits, in a directory.
@@ -466,12 +381,7 @@ impl<'a> Branch<'a> {
         let place = self.place;
         let Some((_, last)) = come.lasts.first() else { return Err(failure(MapError::Stopped.into())) };
         let mut table = Table::create(&place.path("branch.csv"), &shown::branch_columns(&self.key), true)?;
-        for row in &come.rows {
-            for cell in row {
-                table.cell(cell.clone());
-            }
-            table.end_row()?;
-        }
+        come.rows.iter().try_for_each(|row| table.add_row(row))?;
         table.finish()?;
         let marks: Vec<Mark> = come.changes.iter().filter_map(mark).collect();
         place.draw(

@@ -32,7 +32,9 @@ pub(crate) fn plot(args: &PlotArgs) -> Result<Done, Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_out(args, what));
     if let Some(offer) = analyses::named(what) {
         check_kind(args, what)?;
-        return analyse(&AskedAnalysis::figure_of(offer, figure_alone(args, out)));
+        let (frames, no_publish) = (args.frames.clone(), matches!(args.frames.source, Named::Live(_)));
+        let common = AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish };
+        return analyse(&AskedAnalysis::figure_of(offer, common));
     }
     let field = Field::ALL.into_iter().find(|field| field.as_str() == what).unwrap_or(Field::Velocity);
     check_figures(std::slice::from_ref(&out), args.look)?;
@@ -98,13 +100,6 @@ fn check_kind(args: &PlotArgs, what: &str) -> Result<(), Failure> {
         Some((flag, _, why)) => Err(bad_input!("{flag} is not for --what {what}: {why}")),
         None => Ok(()),
     }
-}
-
-/// The analysis that draws the figure, and leaves nothing else.
-fn figure_alone(args: &PlotArgs, out: PathBuf) -> AnalysisArgs {
-    let is_live = matches!(args.frames.source, Named::Live(_));
-    let frames = args.frames.clone();
-    AnalysisArgs { frames, figure: vec![out], look: args.look, no_publish: is_live }
 }
 
 /// The beads or contacts that are drawn.

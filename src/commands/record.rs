@@ -3,14 +3,14 @@
 use crate::args::RecordArgs;
 use crate::display::{self, bytes, count, counted};
 use crate::failure::{Done, Failure};
-use crate::frames::{Frames, attach_with, tell};
+use crate::frames::{self, Frames, tell};
 use crate::outputs::{check_directory, check_free};
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
 use crate::uploading::{Spool, Uploaded};
 use anyhow::anyhow;
-use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource};
+use bus::{AttachNotice, Bus, LiveSource};
 use producer::resimulation::Lend;
 use recorder::{DueFrames, Recorder, RowTally, RowThreads};
 use recording::{DiskWatch, Finished, PartsWriter, SpaceNeeded, Split, WriteOptions, part_path};
@@ -70,23 +70,15 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     signals::would_leave(what_stays(out, &split, spool.as_ref()));
     let sending = spool.clone().zip(upload).map(|(spool, upload)| spool.send(upload)).transpose()?;
     let mut source = frames(args, live)?;
-    let mut session = Following {
-        due: DueFrames::new(&recorder, &manifest, DiskWatch::new(out, reserve_bytes)),
-        manifest: &manifest,
-        recorder: &recorder,
-        missed_count: 0,
-        frame_count: 0,
-        disk_is_short: false,
-    };
-    let followed = session.follow(&mut source);
+    let mut due = DueFrames::new(&recorder, &manifest, DiskWatch::new(out, reserve_bytes));
+    let followed = follow(&mut source, &mut due, &recorder, &manifest);
     drop(source);
-    let Following { due, missed_count, frame_count, disk_is_short, .. } = session;
     let range = due.finish();
-    let end = followed.as_ref().map_or(EndReason::Detached, |end| *end);
-    let patience = match end {
-        _ if disk_is_short || followed.is_err() => Duration::ZERO,
-        EndReason::Detached => PATIENCE_WHEN_LEAVING,
-        _ => PATIENCE,
+    let (end, patience) = match &followed {
+        Ok(Followed { end, disk_is_short: true, .. }) => (*end, Duration::ZERO),
+        Ok(Followed { end: EndReason::Detached, .. }) => (EndReason::Detached, PATIENCE_WHEN_LEAVING),
+        Ok(Followed { end, .. }) => (*end, PATIENCE),
+        Err(_) => (EndReason::Detached, Duration::ZERO),
     };
     recorder.end_frames(range.as_ref().ok().copied().flatten().map(|(_, last)| last), patience);
     let (results, trouble) = rows.finish();
@@ -96,15 +88,11 @@ pub(crate) fn record(args: &RecordArgs) -> Result<Done, Failure> {
     if parts.is_err() || range.is_err() {
         display::notice(what_stays(out, &split, spool.as_ref()));
     }
-    followed?;
     let summary = Summary {
         manifest: &manifest,
-        end,
+        followed: followed?,
         range: range?,
-        frame_count,
-        missed_count,
         begins_at,
-        disk_is_short,
         results: results.into_iter().filter(RowTally::is_worth_telling).collect(),
         parts: parts?,
         uploaded,
@@ -149,17 +137,11 @@ fn attach(
 ) -> Result<LiveSource, Failure> {
     let (own_bus, recorder, rows) = (bus.clone(), Arc::clone(recorder), Arc::clone(rows));
     let results = !args.no_results;
-    let options = AttachOptions {
-        label: "record".to_owned(),
-        timeout: args.timeout.map(Duration::from_secs_f64),
-        stop: Arc::clone(stop),
-        notice: Arc::new(move |notice| match notice {
-            AttachNotice::Joining { name } if results => rows.start(&own_bus, name, &recorder),
-            notice => tell(notice),
-        }),
+    let notice = move |notice: &AttachNotice| match notice {
+        AttachNotice::Joining { name } if results => rows.start(&own_bus, name, &recorder),
+        notice => tell(notice),
     };
-    let delivery = if args.latest { Delivery::Latest } else { Delivery::Lossless };
-    attach_with(bus, name, delivery, &options)
+    frames::attach(bus, name, "record", (args.latest, args.timeout), stop, notice)
 }
 
 /// The manifest of the recording: the run's, perhaps with other recorded steps.
@@ -195,59 +177,57 @@ fn what_stays(out: &Path, split: &Split, spool: Option<&Spool>) -> String {
     )
 }
 
-/// The frames of one run on their way.
-struct Following<'a> {
-    due: DueFrames<'a>,
-    manifest: &'a RunManifest,
-    recorder: &'a Recorder,
+/// Account of the frames that came.
+struct Followed {
+    end: EndReason,
     frame_count: u64,
     missed_count: u64,
     disk_is_short: bool,
 }
 
-impl Following<'_> {
-    /// Records frames until they end, or the disk is nearly full.
-    fn follow(&mut self, source: &mut Frames) -> Result<EndReason, Failure> {
-        let mut progress = Progress::of_run(self.manifest);
-        let end = loop {
-            match source.receive()? {
-                Received::Frame(frame) => {
-                    self.frame_count += 1;
-                    if !self.due.take(&frame)? {
-                        self.disk_is_short = true;
-                        break EndReason::Detached;
-                    }
-                    if progress.at(frame.step) {
-                        let (written_bytes, finished_parts) = self.recorder.size();
-                        let missed = format!("{} missed", count(self.missed_count));
-                        let (size, part) = (bytes(written_bytes).to_string(), finished_parts + 1);
-                        let said =
-                            [&counted(self.frame_count, "frame"), &missed, &size, &format!("part {part}")];
-                        progress.tell(&said.map(String::as_str));
-                    }
+/// Records frames until they end, or the disk is nearly full.
+fn follow(
+    source: &mut Frames,
+    due: &mut DueFrames<'_>,
+    recorder: &Recorder,
+    manifest: &RunManifest,
+) -> Result<Followed, Failure> {
+    let mut progress = Progress::of_run(manifest);
+    let (mut frame_count, mut missed_count, mut disk_is_short) = (0, 0, false);
+    let end = loop {
+        match source.receive()? {
+            Received::Frame(frame) => {
+                frame_count += 1;
+                if !due.take(&frame)? {
+                    disk_is_short = true;
+                    break EndReason::Detached;
                 }
-                Received::Missed { from, to } => self.missed_count += to - from + 1,
-                // the run goes on without us
-                Received::End(EndReason::Stopped) => break EndReason::Detached,
-                Received::End(reason) => break reason,
+                if progress.at(frame.step) {
+                    let (written_bytes, finished_parts) = recorder.size();
+                    let missed = format!("{} missed", count(missed_count));
+                    let (size, part) = (bytes(written_bytes).to_string(), finished_parts + 1);
+                    let said = [&counted(frame_count, "frame"), &missed, &size, &format!("part {part}")];
+                    progress.tell(&said.map(String::as_str));
+                }
             }
-        };
-        progress.finish();
-        Ok(end)
-    }
+            Received::Missed { from, to } => missed_count += to - from + 1,
+            // the run goes on without us
+            Received::End(EndReason::Stopped) => break EndReason::Detached,
+            Received::End(reason) => break reason,
+        }
+    };
+    progress.finish();
+    Ok(Followed { end, frame_count, missed_count, disk_is_short })
 }
 
 /// Summary of a recording, in numbers.
 struct Summary<'a> {
     manifest: &'a RunManifest,
-    end: EndReason,
+    followed: Followed,
     /// The first and the last frame.
     range: Option<(u64, u64)>,
-    frame_count: u64,
-    missed_count: u64,
     /// The first frame that was to be recorded.
     begins_at: u64,
-    disk_is_short: bool,
     results: Vec<RowTally>,
     parts: Vec<Finished>,
     /// Result of sending the files, if they go to a URL.
@@ -259,10 +239,10 @@ impl Summary<'_> {
         report(as_json, &self.json(), || self.text())?;
         self.warn();
         // a part that is continued is not the end
-        let ended_well = self.end.is_orderly() && self.end != EndReason::Detached;
+        let ended_well = self.followed.end.is_orderly() && self.followed.end != EndReason::Detached;
         let rows_are_whole = self.results.iter().all(RowTally::is_whole);
         let is_sent = self.uploaded.as_ref().is_none_or(Uploaded::is_whole);
-        Ok(Done::whole_if(ended_well && rows_are_whole && self.missed_count == 0 && is_sent))
+        Ok(Done::whole_if(ended_well && rows_are_whole && self.followed.missed_count == 0 && is_sent))
     }
 
     fn total(&self, number: impl Fn(&Finished) -> u64) -> u64 {
@@ -270,15 +250,13 @@ impl Summary<'_> {
     }
 
     fn text(&self) -> String {
-        let range = range_text(self.range);
-        let (frames, missed) = (count(self.frame_count), count(self.missed_count));
         let mut rows = Rows::default();
-        rows.add("frames", format_args!("{frames}{range}, {missed} missed"));
+        let Followed { frame_count, missed_count, .. } = self.followed;
+        rows.add("frames", display::received(count(frame_count), self.range, missed_count));
         rows.add("states recorded", count(self.total(|part| part.frames)));
         for tally in &self.results {
-            let range = range_text(tally.first_frame.zip(tally.last_frame));
-            let (found, missed) = (counted(tally.count, "row"), count(tally.missed_count()));
-            rows.add(tally.topic.to_string(), format_args!("{found}{range}, {missed} missed"));
+            let (found, range) = (counted(tally.count, "row"), tally.first_frame.zip(tally.last_frame));
+            rows.add(tally.topic.to_string(), display::received(found, range, tally.missed_count()));
         }
         let size = |part: &Finished| format!("{}, {}", part.path.display(), bytes(part.bytes));
         match self.parts.as_slice() {
@@ -292,7 +270,7 @@ impl Summary<'_> {
             }
         }
         self.uploaded.iter().for_each(|uploaded| uploaded.add_to(&mut rows));
-        rows.under(format_args!("{} {}", self.manifest.provenance.name, self.end))
+        rows.under(format_args!("{} {}", self.manifest.provenance.name, self.followed.end))
     }
 
     fn json(&self) -> Value {
@@ -311,13 +289,13 @@ impl Summary<'_> {
         json!({
             "run": provenance.name,
             "run_id": provenance.run_id,
-            "end": self.end.as_str(),
-            "frames_received": self.frame_count,
-            "frames_missed": self.missed_count,
+            "end": self.followed.end.as_str(),
+            "frames_received": self.followed.frame_count,
+            "frames_missed": self.followed.missed_count,
             "first_frame": self.range.map(|(first, _)| first),
             "last_frame": self.range.map(|(_, last)| last),
             "states": self.total(|part| part.frames),
-            "disk_is_short": self.disk_is_short,
+            "disk_is_short": self.followed.disk_is_short,
             "results": self.results.iter().map(rows).collect::<BTreeMap<_, _>>(),
             "upload": self.uploaded.as_ref().map(Uploaded::json),
             "parts": self.parts.iter().map(part).collect::<Vec<_>>(),
@@ -333,8 +311,8 @@ impl Summary<'_> {
                  {first}; with --from-start they are recomputed"
             );
         }
-        if self.missed_count > 0 {
-            let missed = counted(self.missed_count, "published frame");
+        if self.followed.missed_count > 0 {
+            let missed = counted(self.followed.missed_count, "published frame");
             notice!("{missed} did not arrive");
         }
         for tally in &self.results {
@@ -348,8 +326,8 @@ impl Summary<'_> {
                 notice!("{}: {trouble}; the last row is of {last}", tally.topic);
             }
         }
-        match self.end {
-            EndReason::Detached if self.disk_is_short => {
+        match self.followed.end {
+            EndReason::Detached if self.followed.disk_is_short => {
                 notice!("the disk is nearly full: the recording ends here, the run goes on");
             }
             EndReason::Detached => notice!("stopped: the recording ends here, the run goes on"),
@@ -364,8 +342,4 @@ impl Summary<'_> {
             _ => {}
         }
     }
-}
-
-fn range_text(range: Option<(u64, u64)>) -> String {
-    range.map_or(String::new(), |(first, last)| format!(" ({} to {})", count(first), count(last)))
 }

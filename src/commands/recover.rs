@@ -9,6 +9,7 @@ use crate::outputs::check_place;
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
+use crate::threads;
 use anyhow::{Context, anyhow};
 use producer::recovery::{Recovery, RecoveryError, recover as recover_states};
 use recording::{Audit, Audited, Finished, RecordingWriter, WriteOptions};
@@ -19,7 +20,6 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::fs::{File, TryLockError};
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -85,7 +85,7 @@ pub(crate) fn recover_file(
             // a part under the whole one's name would be taken for it
             writer.discard();
             return Err(match error {
-                RecoveryError::Stopped => Failure::Stopped(anyhow!("stopped: nothing was written")),
+                RecoveryError::Stopped => Failure::stopped(),
                 error => Failure::Failed(error.into()),
             });
         }
@@ -109,8 +109,7 @@ pub(crate) fn recover_file(
         to.clone_into(&mut finished.path);
     }
     // the file that it was made from may be wrong in more ways than can be repaired
-    let cores = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let verified = verify_file(&finished.path, None, cores, stop)?;
+    let verified = verify_file(&finished.path, None, threads::or_cores(None), stop)?;
     Ok(Outcome { manifest, recovery, finished, lying_toml, verified })
 }
 

@@ -8,10 +8,10 @@ use crate::display::{self, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::frames::{Frames, FramesError};
 use crate::keyboard::Keyboard;
-use crate::publishing;
+use crate::publishing::{self, Outlet};
 use crate::stage::{Begin, Stage};
 use anyhow::Context as _;
-use bus::{PublishError, PublishOptions, StatePublisher};
+use bus::PublishError;
 use producer::replay::{BeginError, Conductor, Replay, ReplayOutcome, is_sparse, published_manifest};
 use producer::resimulation::{Lend, check_kernel};
 use recording::RecordingInfo;
@@ -121,19 +121,14 @@ fn publish(
     stop: &Arc<AtomicBool>,
     summary: &mut Summary,
 ) -> Result<Option<ReplayOutcome<FramesError>>, Failure> {
-    let options = PublishOptions {
-        first_frame: replay.first_frame(),
-        stuck_after: Duration::from_secs_f64(args.stall_timeout),
-        stop: Arc::clone(stop),
-        ..PublishOptions::default()
-    };
     let wait_for = if summary.seeks.is_empty() {
         args.wait_for.unwrap_or(usize::from(args.rate == Pace::Max))
     } else {
         // consumers have left with the stream before, and the person at the keys is still there
         0
     };
-    let mut publisher = publishing::open(replay.manifest(), &options, wait_for)?;
+    let first_frame = replay.first_frame();
+    let mut publisher = publishing::open(replay.manifest(), first_frame, args.stall_timeout, wait_for, stop)?;
     if wait_for > 0 && args.wait_for.is_none() && summary.streams == 0 {
         let name = &replay.manifest().provenance.name;
         notice!(
@@ -148,17 +143,18 @@ fn publish(
     let begin = Begin {
         pace: summary.pace,
         is_paused: summary.is_paused,
-        step: manifest.step_of_frame(replay.first_frame()),
+        step: manifest.step_of_frame(first_frame),
         can_seek: true,
     };
     let mut stage = Stage::new(&manifest, begin, keyboard, Arc::clone(stop));
     stage.note = summary.number();
+    let mut publisher = Outlet(Some(publisher));
     let played = replay.play(&mut publisher, &mut stage);
     let reason = played.as_ref().map_or(EndReason::Failed, |outcome| outcome.reason);
     summary.take(stage.leave(&mut publisher));
     let counts = if args.again || !summary.seeks.is_empty() {
         // the next stream must not take the name from those that still read this one
-        publisher.finish_and_wait(reason, stop, options.stuck_after)
+        publisher.finish_and_wait(reason, stop, Duration::from_secs_f64(args.stall_timeout))
     } else {
         publisher.finish(reason)
     };
@@ -167,8 +163,8 @@ fn publish(
     Ok(Some(outcome))
 }
 
-impl Conductor<StatePublisher> for Stage<'_> {
-    fn before_frame(&mut self, frame: &Frame<'_>, publisher: &mut StatePublisher) -> ControlFlow<()> {
+impl Conductor<Outlet> for Stage<'_> {
+    fn before_frame(&mut self, frame: &Frame<'_>, publisher: &mut Outlet) -> ControlFlow<()> {
         let go_on = self.hold(frame.time_s, publisher);
         if go_on.is_continue() {
             self.published(frame);
@@ -179,7 +175,7 @@ impl Conductor<StatePublisher> for Stage<'_> {
         go_on
     }
 
-    fn between_steps(&mut self, publisher: &mut StatePublisher) -> ControlFlow<()> {
+    fn between_steps(&mut self, publisher: &mut Outlet) -> ControlFlow<()> {
         Stage::between_steps(self, publisher)
     }
 

@@ -6,7 +6,9 @@ use crate::args::ReproduceArgs;
 use crate::configuration::origin;
 use crate::display::{self, counted};
 use crate::failure::{BadInput, Done, Failure};
+use crate::report::Rows;
 use crate::signals;
+use crate::threads;
 use anyhow::{Context, anyhow};
 use figure::Figure;
 use indicatif::ProgressBar;
@@ -17,7 +19,6 @@ use paper::{Observations, Run, STUDIES, Study, Verdict, markdown, workers};
 use schemas::manifest::RunManifest;
 use schemas::whole_file;
 use std::collections::BTreeMap;
-use std::num::NonZero;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -34,8 +35,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let manifests: Vec<RunManifest> = runs.iter().map(|cached| cached.manifest.clone()).collect();
     let stop = signals::bounded_stop_flag()?;
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let jobs = args.jobs.unwrap_or_else(cores).get();
+    let jobs = threads::or_cores(args.jobs).get();
     announce(&studies, &runs, jobs);
     let Some(done) = observe(args, &studies, runs, jobs, &stop)? else {
         notice!("stopped; what was finished stays in the cache and is not done again");
@@ -51,8 +51,7 @@ pub(crate) fn reproduce(args: &ReproduceArgs) -> Result<Done, Failure> {
     write("GALLERY.md", &markdown::gallery(&report))?;
     let json = serde_json::to_string_pretty(&report.json())?;
     write("report.json", &format!("{json}\n"))?;
-    let outcome = Outcome { report: &report, done: &done, args, start };
-    outcome.print()?;
+    print(&report, &done, args, start)?;
     for (claim, number) in report.contradictions() {
         let (value, reference) = (number.value, number.reference.map_or(f64::NAN, |found| found.value));
         notice!(
@@ -172,37 +171,31 @@ impl Shown {
     }
 }
 
-/// Summary of the command, in numbers.
-struct Outcome<'a> {
-    report: &'a Report<'a>,
-    done: &'a workers::Done,
-    args: &'a ReproduceArgs,
+/// Prints the summary of the command, in numbers.
+fn print(
+    report: &Report<'_>,
+    done: &workers::Done,
+    args: &ReproduceArgs,
     start: Instant,
-}
-
-impl Outcome<'_> {
-    fn print(&self) -> Result<(), anyhow::Error> {
-        if self.args.json {
-            let mut summary = self.report.summary();
-            summary["simulated"] = self.done.simulated.clone().into();
-            summary["reused"] = self.done.reused.clone().into();
-            summary["wall_s"] = self.start.elapsed().as_secs_f64().into();
-            return display::print_json(&summary);
-        }
-        let (report, out) = (self.report, self.args.out.display());
-        let count = |verdict| report.count(verdict).to_string();
-        let (simulated, reused) = (self.done.simulated.len(), self.done.reused.len());
-        let (references, against) = (report.reference_count(), report.contradictions().len());
-        let rows = [
-            ("figures", format!("{} in {out}/img/paper", report.studies.len())),
-            ("report", format!("{out}/REPORT.md, {out}/report.json")),
-            ("runs", format!("{simulated} simulated, {reused} from the cache")),
-            (Verdict::Reproduced.as_str(), count(Verdict::Reproduced)),
-            (Verdict::Corrected.as_str(), count(Verdict::Corrected)),
-            (Verdict::NotSo.as_str(), count(Verdict::NotSo)),
-            ("against references", format!("{references} numbers, {against} contradicted")),
-            ("wall time", display::duration(self.start.elapsed())),
-        ];
-        display::print(display::rows("the paper", &rows))
+) -> Result<(), anyhow::Error> {
+    if args.json {
+        let mut summary = report.summary();
+        summary["simulated"] = done.simulated.clone().into();
+        summary["reused"] = done.reused.clone().into();
+        summary["wall_s"] = start.elapsed().as_secs_f64().into();
+        return display::print_json(&summary);
     }
+    let out = args.out.display();
+    let (simulated, reused) = (done.simulated.len(), done.reused.len());
+    let (references, against) = (report.reference_count(), report.contradictions().len());
+    let mut rows = Rows::default();
+    rows.add("figures", format_args!("{} in {out}/img/paper", report.studies.len()));
+    rows.add("report", format_args!("{out}/REPORT.md, {out}/report.json"));
+    rows.add("runs", format_args!("{simulated} simulated, {reused} from the cache"));
+    for verdict in [Verdict::Reproduced, Verdict::Corrected, Verdict::NotSo] {
+        rows.add(verdict.as_str(), report.count(verdict));
+    }
+    rows.add("against references", format_args!("{references} numbers, {against} contradicted"));
+    rows.add("wall time", display::duration(start.elapsed()));
+    display::print(rows.under("the paper"))
 }

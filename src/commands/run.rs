@@ -2,7 +2,7 @@
 
 use crate::args::RunArgs;
 use crate::commands::info::of_physics;
-use crate::configuration::{Configured, configure};
+use crate::configuration::{Asked, Configured, configure};
 use crate::determining::{self, Beside};
 use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
@@ -15,7 +15,7 @@ use crate::resumption::{self, Begun, Resumption};
 use crate::signals;
 use crate::stage::{Begin, Left, Stage};
 use crate::uploading::{Spool, Uploaded};
-use bus::{PublishCounts, PublishError, PublishOptions};
+use bus::{PublishCounts, PublishError};
 use consumers::determination::Outcome as Determined;
 use consumers::determination::verdict;
 use producer::growth::Lost;
@@ -167,13 +167,22 @@ impl Start {
                     path.display()
                 ));
             }
+            // beside another output nothing at the place of a link is replaced
+            let target = path.canonicalize().ok().filter(|_| out.is_some() && path.is_symlink());
+            let path = target.as_deref().unwrap_or(path);
             let found = Resumption::find(path, out.map(PathBuf::as_path), force)?;
             let found = found.unless_complete()?;
             return Ok(
                 found.map(|found| (Configured::recorded(found.info()), Self::Resumed(Box::new(found))))
             );
         }
-        let configured = configure(args)?;
+        let configured = configure(&Asked {
+            config: args.config.as_ref(),
+            preset: &args.preset,
+            name: args.name.as_ref(),
+            credit: Some(&args.credit),
+            overrides: &args.overrides,
+        })?;
         let name = &configured.manifest.provenance.name;
         let out = || out.cloned().unwrap_or_else(|| PathBuf::from(format!("{name}.mcap")));
         let out = (!args.no_record).then(out);
@@ -213,26 +222,18 @@ impl Start {
         options: &WriteOptions,
         stop: &Arc<AtomicBool>,
     ) -> Result<Option<(Outlet, Begun)>, Failure> {
-        let publish = PublishOptions {
-            first_frame: self.first_frame().unwrap_or(0),
-            stuck_after: Duration::from_secs_f64(args.stall_timeout),
-            stop: Arc::clone(stop),
-            ..PublishOptions::default()
-        };
-        let mut publisher = if args.publishes() {
-            Outlet::Bus(Box::new(publishing::open(&configured.manifest, &publish, args.wait_for)?))
-        } else {
-            Outlet::Nowhere
-        };
+        let (manifest, first_frame) = (&configured.manifest, self.first_frame().unwrap_or(0));
+        let open = || publishing::open(manifest, first_frame, args.stall_timeout, args.wait_for, stop);
+        let mut publisher = Outlet(args.publishes().then(open).transpose()?);
         let recorder = match &self {
             Self::Fresh(Some(path)) => {
-                Some(RecordingWriter::create(path, &configured.manifest, &configured.toml, options)?)
+                Some(RecordingWriter::create(path, manifest, &configured.toml, options)?)
             }
             _ => None,
         };
-        let is_ready = match &mut publisher {
-            Outlet::Bus(publisher) => publishing::wait_for_consumers(args.wait_for, publisher, stop)?,
-            Outlet::Nowhere => true,
+        let is_ready = match &mut publisher.0 {
+            Some(publisher) => publishing::wait_for_consumers(args.wait_for, publisher, stop)?,
+            None => true,
         };
         if is_ready {
             let Self::Resumed(found) = self else {
@@ -423,7 +424,7 @@ impl Conductor<Outlet, RecordingWriter> for Stage<'_> {
     }
 
     fn hears_every_frame(&self, publisher: &Outlet) -> bool {
-        matches!(publisher, Outlet::Bus(_)) || self.holds_back()
+        publisher.0.is_some() || self.holds_back()
     }
 
     fn between_steps(&mut self, publisher: &mut Outlet) -> ControlFlow<()> {
@@ -475,7 +476,7 @@ impl Summary<'_> {
         rows.add("held back by consumers", duration(self.counts.held_back));
         let determined = self.determined.as_ref();
         rows.each("determined", determined.map(|determined| verdict(&self.manifest.physics, determined)));
-        rows.pauses(self.left.paused, self.counts.evicted);
+        publishing::add_pauses(&mut rows, self.left.paused, self.counts.evicted);
         if let Some(Finished { path, bytes: size, uncompressed_bytes, held_back, .. }) = &self.recording {
             let ratio = *uncompressed_bytes as f64 / *size as f64;
             rows.add("held back by the disk", duration(*held_back));

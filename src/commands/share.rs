@@ -3,13 +3,12 @@
 use super::thin::thin_for_page;
 use super::view::results::{self, Results};
 use crate::args::ShareArgs;
-use crate::display::{self, bytes, count};
+use crate::display::{self, bytes, count, counted};
 use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::check_place;
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
-use anyhow::anyhow;
 use page::{Carried, Packed, page};
 use producer::resimulation::check_kernel;
 use recording::{RecordingInfo, RecordingSource};
@@ -38,7 +37,7 @@ const BESIDE_A_STATE: usize = 150;
 const MAX_ATTEMPTS: u32 = 5;
 
 /// Result of the command.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Shared {
     path: String,
     pub(crate) bytes: usize,
@@ -88,15 +87,7 @@ fn share_nothing(out: &Path, force: bool) -> Result<Shared, Failure> {
     check_place(out, None, force)?;
     let page = page(Carried::Empty);
     whole_file::write(out, page.as_bytes(), force)?;
-    Ok(Shared {
-        path: out.display().to_string(),
-        bytes: page.len(),
-        every_steps: None,
-        states: 0,
-        steps: 0,
-        pulses: None,
-        recomputes: false,
-    })
+    Ok(Shared { path: out.display().to_string(), bytes: page.len(), ..Shared::default() })
 }
 
 /// The page with the recording `file` inside.
@@ -115,7 +106,7 @@ pub(crate) fn share_recording(
         notice!("{}: {error}; the page shows the states that it carries, and none between", file.display());
     }
     let found = pulses(&info, sharing, stop)?;
-    let results = packed(&serde_json::to_vec(&found.as_ref().unwrap_or(&Results::default()))?, stop)?;
+    let results = packed(&serde_json::to_vec(&found.as_ref().unwrap_or(&Results::default()))?, "", stop)?;
     let size = Sizes::measure(&info, &results, stop)?;
     let mut every = every_steps.unwrap_or_else(|| size.fitting_steps(&info));
     if size.page_bytes(&info, every) > MOST_BYTES && !force {
@@ -126,9 +117,10 @@ pub(crate) fn share_recording(
     let thinned = out.with_extension(format!("{}.mcap", std::process::id()));
     let mut attempts = 1;
     let (page, states) = loop {
-        let finished = thin_for_page(&info, &thinned, every, stop)?;
+        let told = if attempts > 1 { format!("smaller page, attempt {attempts}") } else { String::new() };
+        let finished = thin_for_page(&info, &thinned, every, &told, stop)?;
         let (thinned, states) = (Scratch(finished.path), finished.frames);
-        let recording = packed(&fs::read(&thinned.0)?, stop)?;
+        let recording = packed(&fs::read(&thinned.0)?, &told, stop)?;
         let page = page(Carried::Embedded { title, recording: &recording, results: &results });
         let is_small = page.len() <= SMALL_BYTES || states <= 2;
         if every_steps.is_some() || is_small || attempts == MAX_ATTEMPTS {
@@ -154,7 +146,7 @@ pub(crate) fn share_recording(
         bytes: page.len(),
         every_steps: Some(every),
         states,
-        steps: if recomputes.is_ok() { covered_steps(&info) + 1 } else { states },
+        steps: if recomputes.is_ok() { info.covered_steps() + 1 } else { states },
         pulses: found.map(|found| found.pulses.len()),
         recomputes: recomputes.is_ok(),
     })
@@ -183,24 +175,21 @@ fn pulses(
     found.map(Some)
 }
 
-/// `bytes` as the page carries them, with a bar where there are many.
-fn packed(bytes: &[u8], stop: &AtomicBool) -> Result<Packed, Failure> {
+/// `bytes` as the page carries them, with a bar where there are many, and words behind it.
+fn packed(bytes: &[u8], told: &str, stop: &AtomicBool) -> Result<Packed, Failure> {
     let mut progress = Progress::new(bytes.len() as u64, "packing");
+    progress.tell(&[told]);
     let packed = Packed::new(bytes, |done| {
         progress.at(done as u64);
         !stop.load(Ordering::Relaxed)
     });
     progress.finish();
-    packed.ok_or_else(stopped)
+    packed.ok_or_else(Failure::stopped)
 }
 
 /// An error once the user has asked for an end.
 fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
-    if stop.load(Ordering::Relaxed) { Err(stopped()) } else { Ok(()) }
-}
-
-fn stopped() -> Failure {
-    Failure::Stopped(anyhow!("stopped: nothing was written"))
+    if stop.load(Ordering::Relaxed) { Err(Failure::stopped()) } else { Ok(()) }
 }
 
 fn too_large(page_bytes: usize) -> Failure {
@@ -238,7 +227,7 @@ impl Sizes {
                 let values = [frame.u_m, frame.v_m_s, frame.extra].into_iter().flatten();
                 let unpacked: Vec<_> = values.flat_map(|value| value.to_le_bytes()).collect();
                 largest = largest.max(unpacked.len());
-                all += packed(&unpacked, stop)?.page_bytes();
+                all += packed(&unpacked, "", stop)?.page_bytes();
                 count += 1;
             }
         }
@@ -252,20 +241,15 @@ impl Sizes {
         let most = ((room / self.of_a_state) as u64).min(UNPACKED_BYTES / self.unpacked.max(1));
         // the first and the last one are always there
         let most = most.saturating_sub(2).max(1);
-        let steps = covered_steps(info).div_ceil(most);
+        let steps = info.covered_steps().div_ceil(most);
         rounded_up(steps, info)
     }
 
     /// A page with every `every_steps`-th state.
     fn page_bytes(&self, info: &RecordingInfo, every_steps: u64) -> usize {
-        let states = usize::try_from(covered_steps(info) / every_steps.max(1)).unwrap_or(usize::MAX);
+        let states = usize::try_from(info.covered_steps() / every_steps.max(1)).unwrap_or(usize::MAX);
         self.without_states.saturating_add(states.saturating_mul(self.of_a_state))
     }
-}
-
-/// Steps from the first state to the last one.
-fn covered_steps(info: &RecordingInfo) -> u64 {
-    info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
 }
 
 /// A number of steps after which the recording holds a state.
@@ -288,7 +272,7 @@ fn words(shared: &Shared) -> String {
     let mut rows = Rows::default();
     rows.add("size", bytes(shared.bytes as u64));
     if let Some(every) = shared.every_steps {
-        rows.add("states", format_args!("{}, one every {} steps", count(shared.states), count(every)));
+        rows.add("states", format_args!("{}, one every {}", count(shared.states), counted(every, "step")));
         let how = if shared.recomputes {
             "all of them: those between are recomputed"
         } else {

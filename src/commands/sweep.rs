@@ -5,7 +5,7 @@ mod cluster;
 use crate::args::SweepArgs;
 use crate::display::{self, count, counted, duration};
 use crate::failure::{BadInput, Done, Failure};
-use crate::report::report;
+use crate::report::{Rows, report};
 use crate::signals;
 use crate::sweep::plan::Plan;
 use crate::sweep::{self, Options, Outcome};
@@ -75,11 +75,7 @@ pub(crate) fn sweep(args: &SweepArgs) -> Result<Done, Failure> {
         stopped: stop.load(Ordering::Relaxed),
         wall_s: start.elapsed().as_secs_f64(),
     };
-    if args.json {
-        display::print_json(&serde_json::to_value(&summary)?)?;
-    } else {
-        display::print(summary.text())?;
-    }
+    report(args.json, &summary, || summary.text())?;
     summary.warn(args);
     summary.done(args)
 }
@@ -108,22 +104,18 @@ struct Summary<'a> {
 
 impl Summary<'_> {
     fn text(&self) -> String {
-        let mut rows = vec![
-            ("computed now", count(self.outcome.tally.computed).to_string()),
-            ("rows", format!("{} of {}", count(self.outcome.rows), count(self.points))),
-            ("failed runs", count(self.outcome.failed_count).to_string()),
-            ("wall time", duration(Duration::from_secs_f64(self.wall_s))),
-        ];
-        let files = self.outcome.files.iter().flatten();
-        rows.extend(files.map(|file| ("results", file.clone())));
-        display::rows(&format!("sweep {} in {}", self.sweep, self.out), &rows)
+        let mut rows = Rows::default();
+        rows.add("computed now", count(self.outcome.tally.computed));
+        rows.add("rows", format_args!("{} of {}", count(self.outcome.rows), count(self.points)));
+        rows.add("failed runs", count(self.outcome.failed_count));
+        rows.add("wall time", duration(Duration::from_secs_f64(self.wall_s)));
+        rows.each("results", self.outcome.files.iter().flatten());
+        rows.under(format_args!("sweep {} in {}", self.sweep, self.out))
     }
 
     fn warn(&self, args: &SweepArgs) {
         for index in &self.outcome.tally.broken {
-            display::notice(format_args!(
-                "point {index}: the program panicked, see above; the point has no row"
-            ));
+            notice!("point {index}: the program panicked, see above; the point has no row");
         }
         if !self.outcome.failed.is_empty() {
             let failed = counted(self.outcome.failed_count, "run");

@@ -33,6 +33,8 @@ struct Rewrite<'a> {
     force: bool,
     json: bool,
     place: Place,
+    /// Words behind the bar.
+    told: &'a str,
 }
 
 /// Destination of the new recording.
@@ -56,20 +58,20 @@ impl<'a> Rewrite<'a> {
             force: false,
             json: false,
             place: Place::File,
+            told: "",
         }
+    }
+
+    /// The same as the user asks for it.
+    fn asked(from: &'a Path, output: &'a RewriteArgs, every_steps: u64) -> Self {
+        let RewriteArgs { ref out, jobs, force, json } = *output;
+        Self { jobs, force, json, ..Self::new(from, out, every_steps) }
     }
 }
 
 /// Keeps every K-th state.
 pub(crate) fn thin(args: &ThinArgs) -> Result<Done, Failure> {
-    let RewriteArgs { out, jobs, force, json } = &args.output;
-    let rewrite = Rewrite {
-        jobs: *jobs,
-        force: *force,
-        json: *json,
-        ..Rewrite::new(&args.file, out, args.every_steps)
-    };
-    rewrite.run("thinned")
+    Rewrite::asked(&args.file, &args.output, args.every_steps).run("thinned")
 }
 
 /// Keeps every `every_steps`-th state of the recording `from` in `to`, silently.
@@ -88,9 +90,10 @@ pub(crate) fn thin_for_page(
     info: &RecordingInfo,
     to: &Path,
     every_steps: u64,
+    told: &str,
     stop: &Arc<AtomicBool>,
 ) -> Result<Finished, Failure> {
-    Rewrite { place: Place::Page, ..Rewrite::new(&info.path, to, every_steps) }.write(info, stop)
+    Rewrite { place: Place::Page, told, ..Rewrite::new(&info.path, to, every_steps) }.write(info, stop)
 }
 
 /// Recomputes the states in between.
@@ -99,16 +102,9 @@ pub(crate) fn expand(args: &ExpandArgs) -> Result<Done, Failure> {
         let info = RecordingInfo::read(&args.file).bad_input()?;
         Ok::<_, Failure>(info.manifest.provenance.publish_every_steps)
     };
-    let RewriteArgs { out, jobs, force, json } = &args.output;
     let every_steps = args.every_steps.map_or_else(published, Ok)?;
-    let rewrite = Rewrite {
-        between_frames: true,
-        jobs: *jobs,
-        force: *force,
-        json: *json,
-        ..Rewrite::new(&args.file, out, every_steps)
-    };
-    rewrite.run("expanded")
+    let rewrite = Rewrite::asked(&args.file, &args.output, every_steps);
+    Rewrite { between_frames: true, ..rewrite }.run("expanded")
 }
 
 impl Rewrite<'_> {
@@ -126,11 +122,17 @@ impl Rewrite<'_> {
             return Err(self.unfinished(info));
         };
         let manifest = self.manifest(&info.manifest)?;
-        let options =
-            WriteOptions { force: self.force, compression: self.compression(), ..WriteOptions::default() };
+        let mut options = WriteOptions { force: self.force, ..WriteOptions::default() };
+        if self.place == Place::Page {
+            options.compression = Compression::None;
+        }
         SpaceNeeded::new(&manifest, options.compression).check(self.to)?;
         let source = Source::all_states(self.from, stop).bad_input()?;
-        let lend = if self.is_between_frames(&manifest) { Lend::Steps } else { Lend::Frames };
+        // a recovered one may begin or end between frames
+        let is_of_frames =
+            [info.first_step, info.last_step].into_iter().flatten().all(|step| manifest.is_frame(step));
+        let is_between = self.is_between_frames(&manifest) || !is_of_frames;
+        let lend = if is_between { Lend::Steps } else { Lend::Frames };
         let holds = self.every_steps.is_multiple_of(info.manifest.provenance.record_every_steps);
         let mut states = if self.place == Place::Page && (holds || check_kernel(&manifest).is_err()) {
             Frames::as_they_come(source)
@@ -140,30 +142,26 @@ impl Rewrite<'_> {
         let toml = info.run_toml.as_deref();
         let mut writer = RecordingWriter::create_from(self.to, &manifest, toml, &info.begin, &options)?;
         let copied = self.copy(&mut states, &mut writer, &manifest, info.last_step);
-        let what = match copied {
-            Ok(reason) if reason == end.reason => return Ok(writer.finish(reason)?),
-            Ok(_) if stop.load(Ordering::Relaxed) => {
-                writer.discard();
-                return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
-            }
-            Ok(reason) => {
-                anyhow!("{}: its states end early ({reason}); nothing was written", self.from.display())
-            }
-            Err(failure) => {
-                writer.discard();
-                return Err(failure);
-            }
+        let is_less = self.between_frames && writer.frames() < info.frames();
+        let failure = match copied {
+            Ok(reason) if reason == end.reason && !is_less => return Ok(writer.finish(reason)?),
+            Ok(reason) if reason == end.reason => bad_input!(
+                "--every-steps {}: only {} of the {} states of the recording would be kept; --every-steps 1 keeps all, \
+                 `beadline thin` makes fewer",
+                self.every_steps,
+                count(writer.frames()),
+                count(info.frames())
+            ),
+            Ok(_) if stop.load(Ordering::Relaxed) => Failure::stopped(),
+            Ok(reason) => Failure::Failed(anyhow!(
+                "{}: its states end early ({reason}); nothing was written",
+                self.from.display()
+            )),
+            Err(failure) => failure,
         };
         // a part under the whole one's name would be taken for it
         writer.discard();
-        Err(Failure::Failed(what))
-    }
-
-    fn compression(&self) -> Compression {
-        match self.place {
-            Place::File => WriteOptions::default().compression,
-            Place::Page => Compression::None,
-        }
+        Err(failure)
     }
 
     /// The failure for a recording that was not closed.
@@ -211,6 +209,7 @@ impl Rewrite<'_> {
         last_step: Option<u64>,
     ) -> Result<EndReason, Failure> {
         let mut progress = Progress::of_run(manifest);
+        progress.tell(&[self.told]);
         let mut others = (self.place == Place::File).then(|| OtherChannels::open(self.from)).transpose()?;
         let reason = loop {
             match states.receive().map_err(|error| Failure::Failed(error.into()))? {

@@ -49,7 +49,7 @@ pub(crate) fn top(args: &TopArgs) -> Result<Done, Failure> {
         watch: None,
         runs: Vec::new(),
         speeds: HashMap::new(),
-        screen: empty_screen(args.field),
+        screen: Screen { field: args.field, notice: "looking for runs …".to_owned(), ..Screen::default() },
         frozen: None,
         palette: palette(),
     };
@@ -108,20 +108,6 @@ fn palette() -> Palette {
     // until the terminal has told its background; sixteen colours are those of consoles, which are dark
     let is_dark = background.map_or(depth == Depth::Sixteen, |colour| colour < 7 || colour == 8);
     Palette { depth, is_dark }
-}
-
-fn empty_screen(field: Field) -> Screen {
-    Screen {
-        runs: Vec::new(),
-        chosen: None,
-        consumers: Vec::new(),
-        watched: None,
-        field,
-        other_scale: false,
-        is_paused: false,
-        shows_help: false,
-        notice: "looking for runs …".to_owned(),
-    }
 }
 
 /// The terminal as something to write on: each screen at once.
@@ -309,11 +295,8 @@ fn consumers(run: &RunInfo) -> Vec<String> {
     let label = |consumer: &ConsumerInfo| display::printable(&consumer.label);
     let width = run.consumers.iter().map(|consumer| label(consumer).chars().count()).max().unwrap_or(0);
     let line = |consumer: &ConsumerInfo| {
-        let lag =
-            consumer.lag_frames.map_or("lag not told".to_owned(), |lag| format!("{} behind", count(lag)));
-        let missed = consumer.missed.filter(|missed| *missed > 0);
-        let missed = missed.map_or_else(String::new, |missed| format!(", {} missed", count(missed)));
-        format!("{:width$}  {lag}{missed}", label(consumer))
+        let lag = ls::lag_in_words(consumer, consumer.lag_frames.map(|lag| count(lag).to_string()));
+        format!("{:width$}  {lag}", label(consumer))
     };
     run.consumers.iter().map(line).collect()
 }

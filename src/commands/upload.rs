@@ -8,6 +8,7 @@ use crate::outputs::check_free;
 use crate::report::{Rows, report};
 use crate::signals;
 use crate::uploading::{sent_in_words, sent_json, wait};
+use anyhow::Context as _;
 use recording::RecordingInfo;
 use schemas::whole_file::{Names, is_being_written};
 use std::path::Path;
@@ -19,7 +20,8 @@ pub(crate) fn upload(args: &UploadArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let (info, is_whole) = whole(&args.file, &stop)?;
     display::notice_of_version(&info.manifest);
-    let file = info.path.clone();
+    // not a link, beside which nothing of it may lie
+    let file = info.path.canonicalize().with_context(|| info.path.display().to_string()).bad_input()?;
     let errand = Errand { growing: file.clone(), file, url: args.url.clone() };
     let provenance = &info.manifest.provenance;
     let run = provenance.run_id.to_string();

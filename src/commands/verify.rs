@@ -12,6 +12,7 @@ use crate::progress::Progress;
 use crate::report::Rows;
 use crate::resumption::hindrance;
 use crate::signals;
+use crate::threads;
 use lists::Lists;
 use producer::verification::{Follows, Verification, follows, follows_the_run, verify as verify_states};
 use recording::{Audit, Damage, DamageKind, RecordingInfo};
@@ -51,8 +52,7 @@ pub(crate) struct Verified {
 
 pub(crate) fn verify(args: &VerifyArgs) -> Result<Done, Failure> {
     let stop = signals::bounded_stop_flag()?;
-    let cores = || std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let threads = args.jobs.unwrap_or_else(cores);
+    let threads = threads::or_cores(args.jobs);
     let mut files: Vec<Verified> = Vec::new();
     for path in &args.files {
         if !files.is_empty() && stop.load(Ordering::Relaxed) {
@@ -166,6 +166,8 @@ impl Verified {
             "whole, but it CANNOT BE PROVEN by this program"
         } else if self.is_sound() {
             "sound as far as it goes, but it is NOT WHOLE and CANNOT BE PROVEN by this program"
+        } else if found.has_sound_states() && !found.is_sound_so_far() {
+            "NOT PROVEN: rows of results are missing"
         } else {
             "NOT PROVEN"
         }

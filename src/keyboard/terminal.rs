@@ -52,11 +52,8 @@ impl Keyboard {
     ///
     /// `stop` is set by the first SIGINT or SIGTERM, by SIGHUP and by the key that ends; a second signal ends at once.
     pub(crate) fn open() -> io::Result<(Option<Self>, Arc<AtomicBool>)> {
-        let terminal = if io::stdin().is_terminal() && io::stderr().is_terminal() && is_ours() {
-            Terminal::of_stdin(false)
-        } else {
-            None
-        };
+        let is_terminal = io::stdin().is_terminal() && io::stderr().is_terminal() && is_ours();
+        let terminal = if is_terminal { Terminal::of_stdin(false) } else { None };
         let Some(terminal) = terminal else { return Ok((None, signals::stop_flag()?)) };
         let (keyboard, stop) = Self::take(terminal)?;
         Ok((Some(keyboard), stop))

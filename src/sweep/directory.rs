@@ -25,7 +25,7 @@ pub(super) const MOST_SIGN_BYTES: u64 = 16 << 20;
 
 pub(super) const SWEEP_JSON: &str = "sweep.json";
 const SWEEP_TOML: &str = "sweep.toml";
-pub(super) const ROWS: &str = "rows";
+const ROWS: &str = "rows";
 const RECORDINGS: &str = "recordings";
 /// Names of the tables of rows, of their statistics, and of both over time; each is there as CSV and as Parquet.
 pub(super) const RESULTS: [&str; 2] = ["results", "series"];
@@ -65,10 +65,10 @@ impl Directory {
         create_directory(&path.join(ROWS))
             .with_context(|| format!("cannot make {}", path.display()))
             .bad_input()?;
-        if force {
-            directory.clear()?;
+        // where a sweep was removed, empty directories and what others put there stay
+        if !force || !directory.clear()? {
+            directory.check()?;
         }
-        directory.check()?;
         // the sweep may be the same and be written otherwise
         directory.write(SWEEP_TOML, sweep.text().as_bytes())?;
         directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&directory.sign)?)?;
@@ -140,10 +140,10 @@ impl Directory {
         Ok(())
     }
 
-    /// Removes the files of a sweep here, unless somebody computes it.
-    fn clear(&self) -> Result<(), Failure> {
+    /// Removes the files of a sweep here, unless somebody computes it; true if there was one.
+    fn clear(&self) -> Result<bool, Failure> {
         if !self.path.join(SWEEP_JSON).exists() {
-            return Ok(());
+            return Ok(false);
         }
         let journals = self.journals()?;
         for path in &journals {
@@ -155,7 +155,8 @@ impl Directory {
         let recordings = files(&self.path.join(RECORDINGS), |name| name.starts_with("point-"))?;
         let others = ["timings.csv", SWEEP_TOML, SWEEP_JSON].map(|name| self.path.join(name));
         journals.into_iter().chain(recordings).chain(others).try_for_each(|path| remove(&path))?;
-        RESULTS.iter().chain(&ENSEMBLES).try_for_each(|name| self.remove_table(name))
+        RESULTS.iter().chain(&ENSEMBLES).try_for_each(|name| self.remove_table(name))?;
+        Ok(true)
     }
 
     /// Removes a table in all formats, such as one that an earlier form of the sweep file asked for.
@@ -204,7 +205,7 @@ impl Directory {
 
     /// Every journal there is, in the order of their names.
     pub(super) fn journals(&self) -> Result<Vec<PathBuf>, Failure> {
-        files(&self.rows(), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
+        journals_in(&self.path)
     }
 
     /// The journals that may have rows of points of `shard`, but for its own: those of other shards of as many have none.
@@ -249,8 +250,13 @@ pub(super) fn sweep_file(path: &Path) -> Option<PathBuf> {
     path.join(SWEEP_JSON).is_file().then(|| path.join(SWEEP_TOML))
 }
 
+/// Every journal in the directory of a sweep, in the order of their names.
+pub(super) fn journals_in(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+    files(&path.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))
+}
+
 /// The files in `directory` with names that `wanted` picks, in the order of their names.
-pub(super) fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
+fn files(directory: &Path, wanted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, Failure> {
     let entries = match fs::read_dir(directory) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.with_context(|| directory.display().to_string())?,

@@ -284,11 +284,7 @@ impl EnsembleTables<'_> {
 
 /// Adds a row to a table.
 pub(super) fn add(table: &mut Table, index: u64, cells: &[Cell]) -> Result<(), Failure> {
-    table.integer(index);
-    for cell in cells {
-        table.cell(cell.clone());
-    }
-    Ok(table.end_row()?)
+    Ok(table.integer(index).add_row(cells)?)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Progress of a sweep in a directory, from its journals, the traces of a job array, and squeue if
 //! it is there. Memory is a bit for each point and a few words for each shard.
 
-use super::directory::{MOST_SIGN_BYTES, ROWS, SWEEP_JSON, Sign, files};
+use super::directory::{MOST_SIGN_BYTES, SWEEP_JSON, Sign, journals_in};
 use super::pending::Points;
 use super::slurm::{SCRIPT, SLURM};
 use crate::failure::{BadInput, Failure};
@@ -21,7 +21,7 @@ const STILL: Duration = Duration::from_mins(10);
 const STILL_POINTS: f64 = 10.0;
 
 /// Progress of a sweep.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Status {
     pub(crate) points: u64,
     pub(crate) done: u64,
@@ -98,12 +98,8 @@ pub(crate) fn status(directory: &Path) -> Result<Status, Failure> {
         done: rows.points.count(),
         damaged: rows.damaged,
         unreadable: std::mem::take(&mut rows.unreadable),
-        rate: None,
-        left_s: None,
         shard_count: count,
-        shards: HashMap::new(),
-        begun_again: 0,
-        begun: Vec::new(),
+        ..Status::default()
     };
     for (number, done) in (0..count).zip(done) {
         // how many of the points leave this remainder
@@ -188,9 +184,7 @@ impl Counted {
         let (journals, unreadable) = (HashMap::new(), Vec::new());
         let has_traces = directory.join(SLURM).is_dir();
         let mut rows = Self { points, journals, damaged: 0, unreadable, longest_s: 0.0, has_traces };
-        for path in
-            files(&directory.join(ROWS), |name| Path::new(name).extension().is_some_and(|end| end == "rows"))?
-        {
+        for path in journals_in(directory)? {
             let mut count = 0;
             let metadata = fs::metadata(&path).with_context(|| path.display().to_string())?;
             let scanned = check_head(&path, &head).and_then(|()| {

@@ -214,7 +214,7 @@ fn a_pulse_of_two_powers_is_compared_with_the_wave_of_none() {
     );
     place.run("run two.toml --no-publish").exits(0);
     let found = place.run("deformation two.mcap --contact 30").exits(0);
-    assert!(found.stdout().contains("more than one power"), "{}", found.stdout());
+    assert!(found.stdout().contains("do not follow `chain.alpha` alone"), "{}", found.stdout());
     place.run("pulses two.mcap --out two.csv").exits(0);
     let table = place.read("two.csv");
     let mut lines = table.lines();

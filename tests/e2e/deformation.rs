@@ -94,3 +94,15 @@ fn deformations_live_and_from_the_recording_are_the_same_bytes() {
     assert!(table.lines().any(|line| line.starts_with("59,") && line.ends_with(",,")));
     place.run("deformation small.mcap --contact 79").exits(2).says(&["--contact 79", "contacts 0 to 78"]);
 }
+
+/// Damped beads stay in touch behind a pulse; a loaded chain has no first pulse, and so none after it.
+#[test]
+fn a_pulse_that_is_not_told_has_its_reason() {
+    let place = Place::new();
+    place.run("run --preset damped --no-publish --name damped").exits(0);
+    let told = place.run("deformation damped.mcap --contact 10").exits(0).stdout();
+    assert!(told.contains("still pressed when the frames end"), "{told}");
+    place.run("run --preset precompressed --no-publish --name loaded --duration 1e-3").exits(0);
+    let found = place.run("deformation loaded.mcap --contact 20 --json").exits(0).json();
+    assert!(found["results"]["contacts"][0]["later_pulse_count"].is_null(), "{found}");
+}

@@ -95,11 +95,12 @@ fn what_is_no_file_among_recordings_is_named_and_not_waited_for() {
     pipe(&place.path("runs/pipe.mcap"));
     let _socket = UnixListener::bind(place.path("runs/socket.mcap")).unwrap();
     std::os::unix::fs::symlink("/dev/zero", place.path("runs/zero.mcap")).unwrap();
-    let what = ["a pipe (FIFO)", "a socket", "a device"];
+    std::os::unix::fs::symlink("nothing", place.path("runs/gone.mcap")).unwrap();
+    let what = ["a pipe (FIFO)", "a socket", "a device", "leads to no file"];
     let ended = place.run("ls runs --json").exits(3).says(&what);
     assert_eq!(ended.json().as_array().unwrap().len(), 1);
     let made = place.run("catalog runs --out catalog.csv --json").exits(3).json();
-    assert_eq!((&made["recordings"], &made["errors"]), (&4.into(), &3.into()));
+    assert_eq!((&made["recordings"], &made["errors"]), (&5.into(), &4.into()));
     let table = place.read("catalog.csv");
     assert!(what.iter().all(|what| table.contains(what)), "{table}");
     for words in [

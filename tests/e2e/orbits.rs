@@ -375,6 +375,38 @@ fn impossible_maps_are_refused_with_the_line_and_leave_nothing() {
     assert_eq!(missed.json()["points"], 4);
 }
 
+/// Towards low frequencies the steps of a period become longer than those of any run: nothing there is an orbit, and this is told.
+#[test]
+fn steps_that_become_too_long_end_a_branch_and_leave_points_of_a_map_out() {
+    let place = Place::new();
+    let chain = "[chain]\nbeads = 3\nbead_mass_kg = 1.0\nalpha = 1.5\nstiffness = 1.0\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+        [load]\nprecompression_n = 1.0\n[on_site]\ndrag_n_s_per_m = 0.1\n[[drive]]\nwall = \"left\"\n\
+        displacement_m = { sine = { amplitude = 0.05, frequency_hz = 0.5 } }\n[orbit]\n";
+    let sine = "drive[0].displacement_m.sine";
+    place.write(
+        "map.toml",
+        &format!(
+            "{chain}[grid]\n\"{sine}.amplitude\" = [0.02, 0.05]\n\"{sine}.frequency_hz\" = [0.5, 0.005]\n"
+        ),
+    );
+    let missed = place.run("orbit map.toml --out map --json").exits(3);
+    assert!(missed.stderr().contains("no orbit was found at 2 points"), "{}", missed.stderr());
+    let counted = missed.json()["stability"].clone();
+    assert_eq!(counted["no orbit found: steps too long (orbit.steps)"], 2, "{counted}");
+    let along = format!(
+        "steps = 200\n[continue]\nkey = \"{sine}.frequency_hz\"\nfrom = 0.05\nto = 0.01\nstep = 0.1\n"
+    );
+    place.write("branch.toml", &format!("{chain}{along}"));
+    let ended = place.run("orbit branch.toml --out branch --json").exits(3);
+    assert!(ended.stderr().contains("orbit.steps: found"), "{}", ended.stderr());
+    let found = ended.json();
+    assert!(found["end"] == "lost" && found["orbits"].as_u64() > Some(2), "{found}");
+    place.run("verify branch/last.mcap").exits(0);
+    place.write("slow.toml", &chain.replace("0.5 }", "0.005 }").replace("[orbit]", "[orbit]\nsteps = 100"));
+    let refused = place.run("orbit slow.toml --out slow").exits(2);
+    assert!(refused.stderr().contains("orbit.steps: found 100, of 2.00000 s"), "{}", refused.stderr());
+}
+
 /// In a ring two modes have one frequency, and Newton's method may add the other one to the seed: the bead that was asked for then moves less
 /// than others, and that is said.
 #[test]

@@ -307,6 +307,8 @@ fn rows_of_results_are_those_of_the_states() {
     write(&place, "lie.mcap", &manifest, begin, &states, |frame, _| frame != 100, ends);
     let found = verify(&place, "lie.mcap", 3);
     assert_eq!(found["missing_rows"]["/energies"], serde_json::json!([[100, 100]]), "{found}");
+    assert_eq!(found["verdict"], "NOT PROVEN: rows of results are missing");
+    assert!(lists(&found, "proven", &format!("{} rows of `/energies`", count - 1)), "{found}");
     // at the ends nobody can know
     write(&place, "lie.mcap", &manifest, begin, &states, |frame, _| (10..50).contains(&frame), ends);
     let found = verify(&place, "lie.mcap", 0);

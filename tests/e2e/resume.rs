@@ -96,6 +96,11 @@ fn a_run_can_be_resumed_elsewhere() {
     assert_eq!(files(&place), ["run.mcap", "whole.mcap"]);
     place.run("verify whole.mcap").exits(0);
     place.run("run --resume run.mcap --out whole.mcap").exits(2).says(&["whole.mcap", "--force"]);
+    std::os::unix::fs::symlink("run.mcap", place.path("link.mcap")).unwrap();
+    place.run("run --resume link.mcap --out linked.mcap").exits(0);
+    assert!(fs::read(place.path("run.mcap")).unwrap() == before);
+    fs::remove_file(place.path("link.mcap")).unwrap();
+    fs::remove_file(place.path("linked.mcap")).unwrap();
     place.run("run --resume run.mcap --out ./run.mcap").exits(0);
     assert_eq!(files(&place), ["run.mcap", "whole.mcap"]);
 }

@@ -156,6 +156,31 @@ fn a_part_stays_a_part() {
     assert_eq!(ends[0].previous_state_hash, begin.previous_state_hash);
 }
 
+/// It begins and ends between frames, as one may that was recovered.
+#[test]
+fn the_first_and_the_last_state_are_kept_wherever_they_are() {
+    let place = Place::new();
+    place.run(&format!("{SMALL} --publish-every-steps 7 --out run.mcap")).exits(0);
+    place.run("expand run.mcap --every-steps 1 --out all.mcap").exits(0);
+    let fewer = place.run("expand all.mcap --out frames.mcap").exits(2);
+    fewer.says(&["states of the recording", "beadline thin"]);
+    let mut source = RecordingSource::open_all(&place.path("all.mcap")).unwrap();
+    let (manifest, options) = (source.manifest().clone(), WriteOptions::default());
+    let begin = BeginRecord { first_step: 333, ..BeginRecord::default() };
+    let path = place.path("cut.mcap");
+    let mut cut = RecordingWriter::create_from(&path, &manifest, None, &begin, &options).unwrap();
+    source.seek_to_step(333).unwrap();
+    while let Received::Frame(frame @ Frame { step: ..=2341, .. }) = source.receive().unwrap() {
+        cut.accept(&frame).unwrap();
+    }
+    cut.finish(EndReason::Interrupted).unwrap();
+    place.run("thin cut.mcap --every-steps 70 --out sparse.mcap").exits(0);
+    let info = RecordingInfo::read(&place.path("sparse.mcap")).unwrap();
+    assert_eq!((info.first_step, info.last_step), (Some(333), Some(2341)));
+    // 350 to 2310, and these two
+    assert_eq!(info.frames(), 31);
+}
+
 #[test]
 fn what_was_not_closed_is_to_be_recovered_first() {
     let place = Place::new();

@@ -206,6 +206,36 @@ fn sending_the_rest_can_be_left_for_later() {
     assert_eq!(bucket.open_uploads(), 0);
 }
 
+/// A second upload of the same recording would give up what the first one has sent.
+#[test]
+fn an_upload_under_way_is_left_alone() {
+    let (place, Some(bucket)) = (Place::new(), Bucket::new()) else { return };
+    large(&place);
+    let url = bucket.url("run.mcap");
+    bucket.behave(|request| if request.is_part() { Act::Delay(Duration::from_secs(100)) } else { Act::Pass });
+    let first = bucket.start(&place, &format!("upload run.mcap {url}"));
+    wait_until("a part", || bucket.requests().iter().any(Request::is_part).then_some(()));
+    let note = place.read("run.mcap.upload");
+    std::os::unix::fs::symlink("run.mcap", place.path("link.mcap")).unwrap();
+    for words in [format!("run.mcap {url}"), format!("link.mcap {}", bucket.url("other.mcap"))] {
+        let second = bucket.run(&place, &format!("upload {words}"));
+        second.exits(1).says(&["run.mcap is being sent by another process"]);
+        assert_eq!((bucket.open_uploads(), place.read("run.mcap.upload")), (1, note.clone()));
+    }
+    first.signal("KILL");
+    first.wait();
+    bucket.behave(|_| Act::Pass);
+    // the file that a link leads to
+    bucket.run(&place, &format!("upload link.mcap {url}")).exits(0);
+    assert!(bucket.get("run.mcap").unwrap() == fs::read(place.path("run.mcap")).unwrap());
+    assert_eq!(bucket.open_uploads(), 0);
+    // where no note can be written, nothing is begun
+    fs::create_dir(place.path("run.mcap.upload")).unwrap();
+    let ended = bucket.run(&place, &format!("upload run.mcap {}", bucket.url("other.mcap")));
+    ended.exits(1).says(&["run.mcap.upload", "cannot be written"]);
+    assert_eq!(bucket.open_uploads(), 0);
+}
+
 /// A run that is killed once a part of it is sent.
 fn killed(place: &Place, bucket: &Bucket) {
     let run = CHAIN.replace("--pace 0.03", "--pace 0.003");
@@ -266,6 +296,14 @@ fn each_part_of_a_recording_is_an_object() {
     place.run(&format!("verify {}", files.join(" "))).exits(0);
     assert_eq!(bucket.open_uploads(), 0);
     assert!(!place.path("spool/s3").exists());
+    // a shorter recording would leave the last parts of this one
+    let run =
+        place.start("run --beads 300 --impurity none --duration 0.02 --name run --no-record --wait-for 1");
+    let ended = bucket.run(&place, &format!("{record} --force"));
+    ended.exits(2).says(&["run-part-0001.mcap exists already", "not replaced", "run-part-*.mcap"]);
+    run.signal("KILL");
+    run.wait();
+    assert_eq!(bucket.open_uploads(), 0);
 }
 
 /// A recording of some 20 MB, and its size.

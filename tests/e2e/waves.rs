@@ -247,7 +247,8 @@ fn a_solitary_wave_has_the_force_of_theory() {
     // half a bead from the centre on both sides
     assert!((number(&bead["force_n"]) / force(0.5) - 1.0).abs() < 1e-5, "{bead} {}", force(0.5));
     let peaks = place.read("p.csv");
-    assert!(peaks.starts_with("place,time_s,force_n,width_s,above_s\ncontact:100,"), "{peaks}");
+    // in the order in which they end
+    assert!(peaks.starts_with("place,time_s,force_n,width_s,above_s\nbead:100,"), "{peaks}");
     assert!(place.read("f.csv").starts_with(
         "frame,step,time_s,overlap_contact_100_m,force_contact_100_n,force_bead_100_n\n0,0,0e0,"
     ));
@@ -304,4 +305,33 @@ fn waves_live_and_from_the_recording_are_the_same_bytes() {
     // a sparse recording says what it cannot tell
     place.run("run --preset precompressed --name sparse --record-every-steps 100").exits(0);
     place.run("spectrum sparse.mcap --at bead:20").exits(0).says(&["waves up to 3898.48 Hz", "--every-step"]);
+}
+
+/// Two beads between walls swing 11,000 times: lists are cut, and counts, extremes and tables are of all.
+#[test]
+fn lists_end_and_counts_go_on() {
+    let place = Place::new();
+    let chain = "[chain]\nbeads = 2\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[ends]\nleft = \"fixed\"\n\
+        right = \"fixed\"\n[initial]\nvelocities_m_s = [1.0, 1.0]\n[time]\nduration_s = 70000.0\ndt_s = 0.2\n\
+        [stream]\nrecord_every_steps = 4\n";
+    place.write("box.toml", chain);
+    place.run("run box.toml --no-publish").exits(0);
+    let found = place.run("forces box.mcap --at wall:right --peaks p.csv --json").exits(0).json();
+    let wall = &found["results"]["places"][0];
+    let table = place.read("p.csv");
+    let forces: Vec<f64> =
+        table.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
+    assert!(forces.len() > 11_000 && wall["peak_count"] == forces.len(), "{}", wall["peak_count"]);
+    let kept = wall["peaks"].as_array().unwrap().len();
+    assert_eq!((kept, &wall["left_out_count"]), (10_000, &(forces.len() - kept).into()));
+    assert_eq!(number(&wall["highest"]["force_n"]), forces.iter().copied().fold(0.0, f64::max));
+
+    let impurity = "impurity box.mcap --bead 0 --events e.csv";
+    let found = place.run(&format!("{impurity} --json")).exits(0).json()["results"].clone();
+    let events = place.read("e.csv");
+    let turns = events.lines().filter(|line| line.contains(",turns,")).count();
+    assert_eq!((turns, &found["turn_count"]), (22_282, &turns.into()));
+    assert_eq!(found["left_out_count"], events.lines().count() - 1 - 10_000);
+    let told = place.run("impurity box.mcap --bead 0").exits(0).stdout();
+    assert!(told.contains(", 22,282 turning points"), "{told}");
 }

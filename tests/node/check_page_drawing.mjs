@@ -30,6 +30,7 @@ assert.deepEqual([times.label, times.labels.at(-1), times.values.at(-1)], ["x (m
 assert.deepEqual(shown(498.6, 501.3, 20, { whole: true }).labels, ["499", "500", "501"]);
 const close = shown(0.0434871, 0.0434977, 5, { unit: "s", prefixed: true });
 assert.deepEqual([close.label, close.labels[0]], ["x − 43.4 ms (µs)", "88"]);
+assert.deepEqual([1e5, 2e7, 1e16].map((to) => shown(0, to, 2, { unit: "s" }).label), ["x (s)", "x (10⁶ s)", "x (10¹⁵ s)"]);
 for (const [from, to] of [[0, 0], [NaN, 1], [0, Infinity], [1e-308, 2e-308], [-1e300, 1e300], [1e15, 1e15 + 1], [5, 4]]) {
   const { values, labels } = shown(from, to, 5);
   assert.ok(values.length <= 13 && labels.length === values.length, `${from} to ${to}: ${values}`);

@@ -55,7 +55,7 @@ struct ContactAnalysis {
     manifest: RunManifest,
     contacts: Contacts,
     tolerance_m: f64,
-    last: ContactCounts,
+    last: Option<ContactCounts>,
     /// Kept for a figure alone.
     picture: Option<Picture<Class>>,
 }
@@ -68,7 +68,7 @@ impl ContactAnalysis {
         let extent = Extent { places: 0..manifest.all_contact_count(), steps: beginning.steps.clone() };
         let contacts = Contacts::new(&manifest, tolerance_m);
         Self {
-            last: ContactCounts::of(contacts.classes()),
+            last: None,
             picture: beginning.is_drawn.then(|| Picture::new(extent)),
             contacts,
             tolerance_m,
@@ -79,14 +79,14 @@ impl ContactAnalysis {
 
 /// Takes the classes of a frame, from contact `first` on: of all others, which make it `contacts` in all, each touches.
 fn take(
-    (picture, last): (&mut Option<Picture<Class>>, &mut ContactCounts),
+    (picture, last): (&mut Option<Picture<Class>>, &mut Option<ContactCounts>),
     (step, contacts): (u64, usize),
     (first, classes): (usize, &[u8]),
 ) {
     if let Some(picture) = picture {
         picture.push_from(first, step, classes.iter().map(|class| Class(*class)));
     }
-    *last = ContactCounts::among(contacts, first, classes);
+    *last = Some(ContactCounts::among(contacts, first, classes));
 }
 
 impl Analysis for ContactAnalysis {
@@ -125,15 +125,14 @@ impl Analysis for ContactAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let ContactCounts { compressed, touching, open, .. } = self.last;
         let mut words = Words::default();
         words.add("tolerance", quantity(self.tolerance_m, "m"));
-        let [pressed, touch, gaps] = [compressed, touching, open].map(count);
-        words.add("last frame", format_args!("{pressed} compressed, {touch} touching, {gaps} open"));
-        let results = json!({
-            "tolerance_m": self.tolerance_m,
-            "last": { "compressed": compressed, "touching": touching, "open": open },
-        });
+        let mut results = json!({ "tolerance_m": self.tolerance_m, "last": null });
+        if let Some(ContactCounts { compressed, touching, open, .. }) = self.last {
+            let [pressed, touch, gaps] = [compressed, touching, open].map(count);
+            words.add("last frame", format_args!("{pressed} compressed, {touch} touching, {gaps} open"));
+            results["last"] = json!({ "compressed": compressed, "touching": touching, "open": open });
+        }
         Some(Report { title: "contacts", words, results, ..Report::default() })
     }
 
@@ -144,7 +143,7 @@ impl Analysis for ContactAnalysis {
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        let counts = &self.last;
+        let counts = self.last?;
         Some(Number::Count(match name {
             "compressed_count" => counts.compressed,
             "touching_count" => counts.touching,

@@ -264,9 +264,8 @@ impl Analysis for Correlations {
             words.add("sums change by", format_args!("{} of C(0, 0)", all.collect::<Vec<_>>().join(", ")));
         }
         if found.at(0, 0, 0)[1].is_nan() {
-            report
-                .notices
-                .push(format!("no errors: {} origins do not fill {FEWEST} parts of the run", found.origins));
+            let origins = counted(found.origins, "origin");
+            report.notices.push(format!("no errors: {origins} cannot fill {FEWEST} parts of the run"));
         }
         let names = OFFER.summary.iter().map(|meaning| meaning.name);
         report.results = names.zip(found.numbers()).map(|(name, number)| (name, json!(number))).collect();

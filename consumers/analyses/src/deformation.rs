@@ -140,7 +140,7 @@ impl Analysis for DeformationAnalysis {
         }
         let shape = found.measured.as_ref().ok();
         Some(Number::Double(match name {
-            "later_pulse_count" => return Some(Number::Count(found.later_pulse_count)),
+            "later_pulse_count" => return found.later_pulse_count.map(Number::Count),
             "t_peak_s" => shape?.peak_s,
             "overlap_peak_m" => shape?.overlap_m,
             "overlap_fwhm_s" => shape?.width_s,
@@ -223,8 +223,8 @@ fn add_words(words: &mut Words, deformation: &Deformation, known: Option<&Known>
     words.add("contact", deformation.contact);
     let Some(known) = known else { return words.each("first pulse", deformation.measured.as_ref().err()) };
     let later = match deformation.later_pulse_count {
-        0 => String::new(),
-        later => format!("; {} more came later", count(later)),
+        None | Some(0) => String::new(),
+        Some(later) => format!("; {} more came later", count(later)),
     };
     let (overlap, peak) = (known.overlap_m / 1e-6, known.peak_s / 1e-3);
     words.add("first pulse", format_args!("{overlap} µm at {peak} ms{later}"));

@@ -40,8 +40,8 @@ pub static OFFER: Offer = Offer {
 };
 
 const COLUMNS: [Meaning; ENERGIES.len()] = [
-    Meaning::number("kinetic_j", "kinetic energy of all beads"),
-    Meaning::number("potential_j", "potential energy of all contacts"),
+    Meaning::number("kinetic_j", "kinetic energy of all beads and resonators"),
+    Meaning::number("potential_j", "potential energy of contacts, walls, springs of beads and resonators"),
     Meaning::number("total_j", "both"),
     Meaning::number("left_j", "energy left of the split bead"),
     Meaning::number("split_j", "energy of the split bead, with half of its contacts"),

@@ -72,25 +72,42 @@ pub static OFFER: Offer = Offer {
 /// Index of the table of peaks.
 const PEAKS: usize = 1;
 
-/// Peaks that are shown for each place; the table has all of them.
+/// Peaks that are shown for each place, and those that are kept for a figure and for JSON; the table has all of them.
 const SHOWN: usize = 4;
+const KEPT: usize = 10_000;
 
 /// One place, as it is watched.
 struct Sensor {
     place: Place,
     rest_n: f64,
-    peaks: Peaks,
+    finder: Peaks,
+    /// The first peaks, the number of all, and the highest of all.
+    peaks: Vec<Peak>,
+    peak_count: u64,
+    highest: Option<Peak>,
     /// Force (N) and overlap (m), kept for a figure alone.
     curve: Option<Series<2>>,
 }
 
-/// One place, as it was found.
-struct Sensed {
-    place: Place,
-    rest_n: f64,
-    peaks: Vec<Peak>,
-    peak_count: u64,
-    curve: Series<2>,
+impl Sensor {
+    /// Takes the peaks that are known by now.
+    fn take(&mut self, out: &mut dyn Outlet) {
+        for peak in self.finder.take() {
+            self.peak_count += 1;
+            if self.highest.is_none_or(|highest| peak.force_n >= highest.force_n) {
+                self.highest = Some(peak);
+            }
+            if self.peaks.len() < KEPT {
+                self.peaks.push(peak);
+            }
+            if out.wants(PEAKS) {
+                let optional = |value: Option<f64>| value.map_or(Cell::Empty, Cell::Double);
+                let (time, force) = (Cell::Double(peak.time_s), Cell::Double(peak.force_n));
+                let word = Cell::Word(self.place.to_string());
+                out.line(PEAKS, &[word, time, force, optional(peak.width_s), optional(peak.above_s)]);
+            }
+        }
+    }
 }
 
 struct ForceAnalysis {
@@ -101,7 +118,6 @@ struct ForceAnalysis {
     /// The row of the last frame.
     row: Vec<f64>,
     sampling: Sampling,
-    found: Vec<Sensed>,
 }
 
 impl ForceAnalysis {
@@ -119,12 +135,15 @@ impl ForceAnalysis {
         let sensor = |place: &Place| Sensor {
             place: *place,
             rest_n: sensors.rest_force_n(*place),
-            peaks: Peaks::new(threshold_n),
+            finder: Peaks::new(threshold_n),
+            peaks: Vec::new(),
+            peak_count: 0,
+            highest: None,
             curve: beginning.is_drawn.then(Series::default),
         };
         let places = places.iter().map(sensor).collect();
-        let (row, sampling, found) = (Vec::new(), Sampling::default(), Vec::new());
-        Ok(Self { manifest, threshold_n, sensors, places, row, sampling, found })
+        let (row, sampling) = (Vec::new(), Sampling::default());
+        Ok(Self { manifest, threshold_n, sensors, places, row, sampling })
     }
 }
 
@@ -145,11 +164,12 @@ impl Analysis for ForceAnalysis {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         self.sampling.take(frame.step);
         self.row.clear();
-        for Sensor { place, rest_n, peaks, curve } in &mut self.places {
-            let force_n = self.sensors.force_n(frame, *place);
-            let overlap_m = self.sensors.overlap_m(frame, *place);
-            peaks.push(frame.time_s, force_n - *rest_n);
-            if let Some(curve) = curve {
+        for sensor in &mut self.places {
+            let force_n = self.sensors.force_n(frame, sensor.place);
+            let overlap_m = self.sensors.overlap_m(frame, sensor.place);
+            sensor.finder.push(frame.time_s, force_n - sensor.rest_n);
+            sensor.take(out);
+            if let Some(curve) = &mut sensor.curve {
                 curve.push(frame.time_s, [force_n, overlap_m.unwrap_or(f64::NAN)]);
             }
             self.row.extend(overlap_m);
@@ -159,19 +179,13 @@ impl Analysis for ForceAnalysis {
     }
 
     fn gap(&mut self) {
-        self.places.iter_mut().for_each(|sensor| sensor.peaks.gap());
+        self.places.iter_mut().for_each(|sensor| sensor.finder.gap());
     }
 
     fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
-        for Sensor { place, rest_n, peaks, curve } in std::mem::take(&mut self.places) {
-            let (peaks, peak_count) = peaks.finish();
-            for peak in peaks.iter().filter(|_| out.wants(PEAKS)).collect::<Vec<_>>() {
-                let optional = |value: Option<f64>| value.map_or(Cell::Empty, Cell::Double);
-                let (time, force) = (Cell::Double(peak.time_s), Cell::Double(peak.force_n));
-                let word = Cell::Word(place.to_string());
-                out.line(PEAKS, &[word, time, force, optional(peak.width_s), optional(peak.above_s)]);
-            }
-            self.found.push(Sensed { place, rest_n, peaks, peak_count, curve: curve.unwrap_or_default() });
+        for sensor in &mut self.places {
+            sensor.finder.gap();
+            sensor.take(out);
         }
         Ok(())
     }
@@ -179,32 +193,28 @@ impl Analysis for ForceAnalysis {
     fn report(&mut self) -> Option<Report> {
         let interval_s =
             self.sampling.interval_steps().map(|steps| steps as f64 * self.manifest.physics.dt_s);
-        let notices = coarse_frames(&self.found, interval_s).into_iter().collect();
-        let (words, results) = (words(&self.found, self.threshold_n), json(&self.found, self.threshold_n));
+        let notices = coarse_frames(&self.places, interval_s).into_iter().collect();
+        let (words, results) = (words(&self.places, self.threshold_n), json(&self.places, self.threshold_n));
         Some(Report { title: "forces", words, results, notices, is_lossy: false })
     }
 
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
-        let drawn = self.found.iter().map(|found| SensedForces {
-            place: found.place,
-            curve: &found.curve,
-            rest_n: found.rest_n,
-            peaks: &found.peaks,
+        let drawn = self.places.iter().filter_map(|sensor| {
+            let Sensor { place, rest_n, peaks, peak_count, curve, .. } = sensor;
+            let (rest_n, peak_count) = (*rest_n, *peak_count);
+            Some(SensedForces { place: *place, curve: curve.as_ref()?, rest_n, peaks, peak_count })
         });
         Ok(Some(plots::forces(&self.manifest, &drawn.collect::<Vec<_>>())))
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        let found = self.found.first()?;
+        let found = self.places.first()?;
         match name {
             "peak_count" => return Some(Number::Count(found.peak_count)),
             "rest_force_n" => return Some(Number::Double(found.rest_n)),
             _ => {}
         }
-        // the highest of those that are kept may not be the highest of all
-        let is_whole = found.peak_count <= Peaks::MOST as u64;
-        let highest = found.peaks.iter().max_by(|a, b| a.force_n.total_cmp(&b.force_n));
-        let peak = highest.filter(|_| is_whole)?;
+        let peak = found.highest?;
         Some(Number::Double(match name {
             "peak_n" => peak.force_n,
             "peak_time_s" => peak.time_s,
@@ -225,7 +235,7 @@ fn names(places: &[Sensor]) -> Vec<String> {
 }
 
 /// A warning where a peak is narrower than its samples can tell.
-fn coarse_frames(found: &[Sensed], interval_s: Option<f64>) -> Option<String> {
+fn coarse_frames(found: &[Sensor], interval_s: Option<f64>) -> Option<String> {
     const LEAST_SAMPLES: f64 = 8.0;
     let interval_s = interval_s?;
     let (place, time_s) = found.iter().find_map(|found| {
@@ -240,16 +250,17 @@ fn coarse_frames(found: &[Sensed], interval_s: Option<f64>) -> Option<String> {
     ))
 }
 
-fn words(found: &[Sensed], threshold_n: f64) -> Words {
+fn words(found: &[Sensor], threshold_n: f64) -> Words {
     let mut words = Words::default();
     words.add("threshold", quantity(threshold_n, "N"));
-    for Sensed { place, rest_n, peaks, peak_count, .. } in found {
+    for Sensor { place, rest_n, peaks, peak_count, .. } in found {
         let at_rest =
             if *rest_n == 0.0 { String::new() } else { format!(" above {} at rest", quantity(*rest_n, "N")) };
         words.add(place.to_string(), format_args!("{}{at_rest}", counted(*peak_count, "peak")));
         words.each("", peaks.iter().take(SHOWN).map(peak_text));
-        if peaks.len() > SHOWN {
-            words.add("", format_args!("… {} more; --peaks has them", count((peaks.len() - SHOWN) as u64)));
+        let more = peak_count.saturating_sub(SHOWN as u64);
+        if more > 0 {
+            words.add("", format_args!("… {} more; --peaks has them", count(more)));
         }
     }
     words
@@ -263,7 +274,7 @@ fn peak_text(peak: &Peak) -> String {
     format!("{height} at {time}{}{}", known("width", peak.width_s), known("above threshold", peak.above_s))
 }
 
-fn json(found: &[Sensed], threshold_n: f64) -> Value {
+fn json(found: &[Sensor], threshold_n: f64) -> Value {
     let peak = |peak: &Peak| {
         json!({
             "time_s": peak.time_s,
@@ -272,12 +283,14 @@ fn json(found: &[Sensed], threshold_n: f64) -> Value {
             "above_s": peak.above_s,
         })
     };
-    let place = |found: &Sensed| {
+    let place = |found: &Sensor| {
         json!({
             "place": found.place.to_string(),
             "rest_force_n": found.rest_n,
             "peak_count": found.peak_count,
+            "highest": found.highest.as_ref().map(peak),
             "peaks": found.peaks.iter().map(peak).collect::<Vec<_>>(),
+            "left_out_count": found.peak_count - found.peaks.len() as u64,
         })
     };
     json!({ "threshold_n": threshold_n, "places": found.iter().map(place).collect::<Vec<_>>() })

@@ -13,6 +13,7 @@ use figure::{Axis, Curve, Figure, FigureError, Panel};
 use green_kubo::{GreenKubo, Point, panel};
 use schemas::amounts::{quantity, unit};
 use schemas::chain::Chain;
+use schemas::drive::Place;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -32,8 +33,9 @@ pub static OFFER: Offer = Offer {
         two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
         errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. The temperature remembers longer: between two \
         baths its error may be a quarter too small, and runs with other seeds tell. \
-        Baths of different temperatures in a ring, or more than two of them, drive no one current along the chain: --profile has that of each contact.\n\n\
-        Without a difference of temperature the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
+        Baths of different temperatures in a ring, or more than two of them, drive no one current along the chain, nor is there one with damping or drag, \
+        or where drives act on beads on its way: --profile has that of each contact.\n\n\
+        In equilibrium, without drives, damping, drag, or baths but those of one temperature above 0, the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
         current of all n contacts less its mean, whose own scatter from run to run, 2·κ·n·T² over the time, is allowed for, and T the temperature of the chain, from its mean kinetic energy. It is shown over τ: where it stays level it is the conductivity; \
         where it goes on growing the chain has none, as long chains that conserve momentum. Take a ring, or baths on all beads: between ends κ(τ) comes back to 0. Frames have to be evenly spaced, and \
         closer than the current changes; no pair of them has a gap between.",
@@ -93,7 +95,7 @@ struct Heat {
     contacts: usize,
     /// Those that do not lie within a bath; where two baths drive a current, between them. All if there are none.
     inner: Vec<usize>,
-    /// True if baths drive a current: their temperatures differ, or change.
+    /// True if there is no equilibrium: energy comes from elsewhere than baths of one temperature, or goes elsewhere.
     is_driven: bool,
     /// The reason why the contacts have no one current, if there is one.
     no_current: Option<&'static str>,
@@ -125,16 +127,16 @@ impl Heat {
         let start = schemas::functions::Moment::new(0, 0.0, 0.0);
         let temperatures: Vec<Option<f64>> =
             baths.iter().map(|bath| bath.is_steady().then(|| bath.temperature_j(start))).collect();
-        let is_driven = temperatures.iter().any(|found| found.is_none() || *found != temperatures[0]);
+        let is_heated = temperatures.iter().any(|found| found.is_none() || *found != temperatures[0]);
         let no_current = match baths.len() {
-            _ if !is_driven => None,
+            _ if !is_heated => None,
             _ if chain.is_ring => Some("in a ring heat goes both ways round, and its currents cancel"),
             3.. => Some("baths between the first and the last one give or take heat, and currents differ"),
             _ => None,
         };
         let contacts = if chain.is_ring { beads } else { beads - 1 };
         let between = match baths[..] {
-            [first, last] if is_driven && no_current.is_none() => {
+            [first, last] if is_heated && no_current.is_none() => {
                 first.beads.range().start..last.beads.range().end - 1
             }
             _ => 0..contacts,
@@ -146,18 +148,27 @@ impl Heat {
             })
         };
         let inner: Vec<usize> = between.clone().filter(|c| !within(c)).collect();
+        let inner = if inner.is_empty() { (0..contacts).collect() } else { inner };
+        // beads between two contacts of the current
+        let on_the_way = if chain.is_ring { 0..beads } else { inner[0] + 1..inner[inner.len() - 1] + 1 };
+        let (drives, is_lossy) =
+            (&manifest.physics.drives, chain.damping.is_some() || manifest.physics.has_drag());
+        let is_driven_at = |bead: usize| drives.iter().any(|drive| drive.at == Place::Bead(bead as u64));
+        let is_open = is_lossy || on_the_way.into_iter().any(is_driven_at);
+        let why = "drives, damping or drag give or take energy on the way, and currents differ";
+        let no_current = no_current.or_else(|| is_open.then_some(why));
         let last_step = manifest.physics.step_count.min(*beginning.steps.end());
         let lag_s: Option<f64> = beginning.settings.one("lag");
         let conductivity_per_j = match temperatures[..] {
-            [Some(first_j), Some(last_j)] if is_driven && no_current.is_none() => {
+            [Some(first_j), Some(last_j)] if is_heated && no_current.is_none() => {
                 Some((between.len() + 1) as f64 / (first_j - last_j))
             }
             _ => None,
         };
         Ok(Self {
             conductivity_per_j,
-            inner: if inner.is_empty() { (0..contacts).collect() } else { inner },
-            is_driven,
+            inner,
+            is_driven: is_heated || is_lossy || !drives.is_empty() || temperatures.contains(&Some(0.0)),
             no_current,
             green_kubo: GreenKubo::new(lag_s, manifest.physics.dt_s, last_step),
             wants_fluctuations: lag_s.is_some(),
@@ -178,7 +189,7 @@ impl Heat {
         0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()])
     }
 
-    /// The conductivity over the lag from fluctuations, and the current's autocorrelation; none where baths drive a current.
+    /// The conductivity over the lag from fluctuations, and the current's autocorrelation; none out of equilibrium.
     fn fluctuations(&self) -> Vec<Point> {
         if self.is_driven {
             return Vec::new();
@@ -286,6 +297,7 @@ impl Analysis for Heat {
     }
 
     fn report(&mut self) -> Option<Report> {
+        self.times_s?;
         let [current, temperature, conductivity] = self.found();
         let memory_s = self.memory_s();
         let told = |Estimate { mean, error, .. }: Estimate, of: &str| {
@@ -318,8 +330,8 @@ impl Analysis for Heat {
         }));
         if self.is_driven && self.wants_fluctuations {
             report.notices.push(
-                "no conductivity from fluctuations: the temperatures of the baths differ or change, and it needs equilibrium; \
-                 leave the baths out, or give all one temperature"
+                "no conductivity from fluctuations, which need equilibrium: leave out drives, damping and drag, and baths, or give \
+                 all of them one temperature above 0"
                     .to_owned(),
             );
         }
@@ -503,7 +515,7 @@ mod tests {
         }
     }
 
-    /// One number is told where there is one: in an open chain between two baths, and in equilibrium.
+    /// One number is told where there is one: in an open chain between two baths with nothing else between them, and in equilibrium.
     #[test]
     fn a_ring_and_several_baths_have_no_one_current() {
         let bath = |beads: &str, t: f64| {
@@ -511,12 +523,23 @@ mod tests {
         };
         let (hot, middle, cold) = (bath("0..2", 1.5), bath("3..5", 1.0), bath("-2..", 0.5));
         let (ring, open) = ("periodic", "fixed");
+        let sine = "{ sine = { amplitude = 0.1, frequency_hz = 0.2 } }\n";
+        let force = format!("[[drive]]\nbead = 4\nforce_n = {sine}");
+        let wall = format!("[[drive]]\nwall = \"left\"\ndisplacement_m = {sine}");
+        let drag = "[on_site]\ndrag_n_s_per_m = 0.1\n[initial]\nthermal = { energy_j = 1.0 }\n";
+        let frozen = bath("..", 0.0) + "[striker]\nbead = 0\nvelocity_m_s = 1.0\n";
         for (ends, baths, has_current, has_fluctuations) in [
             (ring, [&*hot, &*cold].concat(), false, false),
             (open, [&*hot, &*middle, &*cold].concat(), false, false),
             (open, [&*hot, &*cold].concat(), true, false),
             (ring, [&*hot, &*cold.replace("0.5\nf", "1.5\nf")].concat(), true, true),
             (ring, bath("..", 1.0), true, true),
+            (open, [&*hot, &*cold, &*force].concat(), false, false),
+            (open, drag.to_owned(), false, false),
+            (open, [&*hot, &*cold, &*wall].concat(), true, false),
+            (open, bath("..", 1.0) + &wall, true, false),
+            (open, drag.replace("on_site]\ndrag", "damping]\nviscous"), false, false),
+            (open, frozen, true, false),
         ] {
             let manifest = manifest(&format!(
                 "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0 }}\n[ends]\nleft = \"{ends}\"\nright = \"{ends}\"\n\
@@ -527,7 +550,7 @@ mod tests {
             heat.finish(&mut LastRow::default()).unwrap();
             let told = heat.report().unwrap();
             let is_told = |name: &str| told.results[name].is_f64();
-            let has_conductivity = has_current && !has_fluctuations;
+            let has_conductivity = has_current && !has_fluctuations && baths.contains(&*cold);
             assert_eq!(is_told("current_w"), has_current, "{ends} {baths}");
             assert_eq!(is_told("conductivity_per_s"), has_conductivity, "{ends} {baths}");
             assert_eq!(is_told("green_kubo_per_s"), has_fluctuations, "{ends} {baths}");

@@ -9,7 +9,7 @@ use consumers::impurity::{Event, EventKind, Followed, Motion};
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
 use figure::{Figure, FigureError};
-use schemas::amounts::{counted, quantity};
+use schemas::amounts::{count, counted, quantity};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::ResultColumns;
@@ -57,7 +57,7 @@ pub static OFFER: Offer = Offer {
 /// Index of the table of events.
 const EVENTS: usize = 1;
 
-/// Events that are kept for the summary and the figure; the table has all of them.
+/// Events that are kept for words, JSON and the figure; the table has all of them.
 const MAX_EVENTS: usize = 10_000;
 
 const WIDTH: usize = Motion::QUANTITIES.len();
@@ -137,9 +137,7 @@ impl Analysis for MotionAnalysis {
     }
 
     fn report(&mut self) -> Option<Report> {
-        let Self { beads, events, event_count, .. } = self;
-        let (words, results) = (words(beads, events, *event_count), json(beads, events, *event_count));
-        Some(Report { title: "motion", words, results, ..Report::default() })
+        Some(Report { title: "motion", words: self.words(), results: self.json(), ..Report::default() })
     }
 
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {
@@ -160,25 +158,30 @@ impl Analysis for MotionAnalysis {
     }
 }
 
-fn words(beads: &[u64], events: &[Event], event_count: u64) -> Words {
-    let listed: Vec<_> = beads.iter().map(u64::to_string).collect();
-    let turns: Vec<_> = events.iter().filter(|event| event.kind == EventKind::Turns).collect();
-    let shown = turns.iter().take(8).map(|turn| {
-        let (place, time) = (quantity(turn.u_m, "m"), quantity(turn.time_s, "s"));
-        format!("bead {} at {place}, {time}", turn.bead)
-    });
-    let mut words = Words::default();
-    words.add("beads", listed.join(", "));
-    words.add("events", format_args!("{event_count}, {}", counted(turns.len() as u64, "turning point")));
-    words.each("turns", shown);
-    words
-}
+impl MotionAnalysis {
+    fn words(&self) -> Words {
+        let listed: Vec<_> = self.beads.iter().map(u64::to_string).collect();
+        let turns = self.events.iter().filter(|event| event.kind == EventKind::Turns);
+        let shown = turns.take(8).map(|turn| {
+            let (place, time) = (quantity(turn.u_m, "m"), quantity(turn.time_s, "s"));
+            format!("bead {} at {place}, {time}", turn.bead)
+        });
+        let mut words = Words::default();
+        words.add("beads", listed.join(", "));
+        let turning_points = counted(self.turn_count, "turning point");
+        words.add("events", format_args!("{}, {turning_points}", count(self.event_count)));
+        words.each("turns", shown);
+        words
+    }
 
-fn json(beads: &[u64], events: &[Event], event_count: u64) -> Value {
-    let event = |event: &Event| json!({ "time_s": event.time_s, "bead": event.bead, "event": event.kind.as_str(), "u_m": event.u_m });
-    json!({
-        "beads": beads,
-        "event_count": event_count,
-        "events": events.iter().map(event).collect::<Vec<_>>(),
-    })
+    fn json(&self) -> Value {
+        let event = |event: &Event| json!({ "time_s": event.time_s, "bead": event.bead, "event": event.kind.as_str(), "u_m": event.u_m });
+        json!({
+            "beads": self.beads,
+            "event_count": self.event_count,
+            "turn_count": self.turn_count,
+            "events": self.events.iter().map(event).collect::<Vec<_>>(),
+            "left_out_count": self.event_count - self.events.len() as u64,
+        })
+    }
 }

@@ -81,7 +81,9 @@ pub fn add(offer: &'static Offer) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use consumers::analysis::{Meaning, Whereabouts};
+    use consumers::analysis::{Beginning, Meaning, Settings, Whereabouts};
+    use schemas::manifest::{Origin, RunManifest};
+    use schemas::presets::Preset;
 
     #[test]
     fn names_and_columns_are_there_once() {
@@ -102,6 +104,27 @@ mod tests {
                     setting.excludes.iter().chain(&setting.belongs_to).all(|name| known(name)),
                     "{setting:?}"
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn no_numbers_are_told_of_no_frames() {
+        let config = Preset::find("precompressed").expect("a preset").config();
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&config, "run", origin).expect("valid");
+        for (name, flag) in [("contacts", ""), ("modal", ""), ("heat", ""), ("modes", "energy")] {
+            let offer = all().find(|offer| offer.name == name).expect("an analysis");
+            let mut settings = Settings::default();
+            for setting in offer.settings.iter().filter(|setting| setting.name == flag) {
+                settings.set(setting, Vec::new()).expect("a flag");
+            }
+            let mut analysis =
+                (offer.begin)(&Beginning::whole(name, &manifest, &settings)).expect("an analysis");
+            let words = analysis.report().map_or_else(String::new, |report| report.words.under(""));
+            assert!(!words.contains("NaN") && !words.contains("last"), "{name}: {words}");
+            for column in offer.columns.iter().filter(|_| name != "modes") {
+                assert!(analysis.value(column.name, None).is_none(), "{name}: {}", column.name);
             }
         }
     }

@@ -351,7 +351,7 @@ impl Analysis for Lyapunov {
             return Some(report);
         }
         if self.integrator.tangents().is_some_and(|tangents| tangents.has_jumped()) {
-            let why = "a contact with a dashpot closes or opens, where its force jumps: exponents are not those of the motion";
+            let why = "a damped contact closes or opens, where its force jumps or has a slope without bound: exponents are not those of the motion";
             report.notices.push(why.to_owned());
         }
         let (interval_s, exponents) = (self.interval_s(), self.exponents_per_s());

@@ -161,7 +161,7 @@ struct ModalAnalysis {
     first_entropy: f64,
     /// Modes of each band, counted from 0; those of frequency 0 count nothing.
     bands: Vec<Range<usize>>,
-    /// The last row.
+    /// The last row, if there was one.
     last: Vec<f64>,
     equipartition_s: Option<f64>,
     curves: Option<Series<2>>,
@@ -197,7 +197,7 @@ impl ModalAnalysis {
             means_over_s: None,
             frames: 0.0,
             first_entropy: f64::NAN,
-            last: vec![f64::NAN; OF_ALL],
+            last: Vec::new(),
             equipartition_s: None,
             curves: beginning.is_drawn.then(Series::default),
             band_curves: vec![Series::default(); if beginning.is_drawn { bands.len() } else { 0 }],

@@ -125,9 +125,9 @@ struct ModeAnalysis {
     modes: Option<Arc<Modes>>,
     /// The modes that are asked for, counted from 0.
     chosen: Vec<usize>,
-    /// The energies in the last frame.
+    /// The energies in the last frame, if there was one.
     row: Vec<f64>,
-    /// The largest energy of each.
+    /// The largest energy of each, likewise.
     largest_j: Vec<f64>,
     curves: Vec<Series<1>>,
 }
@@ -166,7 +166,7 @@ impl ModeAnalysis {
             bands_hz: UnitCell::of(&chain).map_or_else(Vec::new, |cell| cell.bands_hz()),
             modes,
             row: Vec::new(),
-            largest_j: vec![0.0; chosen.len()],
+            largest_j: Vec::new(),
             curves: vec![Series::default(); chosen.len()],
             chosen,
             subject,
@@ -238,6 +238,7 @@ impl Analysis for ModeAnalysis {
         self.row.clear();
         let [u_m, v_m_s] = with_resonators(&self.chain, frame);
         self.row.extend(self.chosen.iter().map(|mode| modes.energy_j(*mode, &u_m, &v_m_s)));
+        self.largest_j.resize(self.row.len(), 0.0);
         for ((energy_j, largest_j), curve) in self.row.iter().zip(&mut self.largest_j).zip(&mut self.curves) {
             *largest_j = if *energy_j > *largest_j { *energy_j } else { *largest_j };
             curve.push(frame.time_s, [*energy_j]);
@@ -311,7 +312,7 @@ impl Analysis for ModeAnalysis {
             "frequency_hz" => modes.frequency_hz(mode),
             "participation_beads" => modes.participation_beads(mode),
             "largest_j" => *self.largest_j.first()?,
-            "last_j" => self.row.first().copied().unwrap_or(0.0),
+            "last_j" => *self.row.first()?,
             _ => return None,
         }))
     }
@@ -352,12 +353,11 @@ impl ModeAnalysis {
     fn energy_words(&self, modes: &Modes) -> Words {
         let mut words = Words::default();
         let joule = |value: f64| quantity(value, "J");
-        let text = |(index, mode): (usize, &usize)| {
+        let text = |(mode, (largest, last)): (&usize, (&f64, &f64))| {
             let hertz = quantity(modes.frequency_hz(*mode), "Hz");
-            let (largest, last) = (self.largest_j[index], self.row.get(index).copied().unwrap_or(0.0));
-            format!("mode {} ({hertz}): at most {}, last {}", mode + 1, joule(largest), joule(last))
+            format!("mode {} ({hertz}): at most {}, last {}", mode + 1, joule(*largest), joule(*last))
         };
-        words.each("energy", self.chosen.iter().enumerate().map(text));
+        words.each("energy", self.chosen.iter().zip(self.largest_j.iter().zip(&self.row)).map(text));
         words
     }
 
@@ -366,7 +366,7 @@ impl ModeAnalysis {
             json!({
                 "mode": mode + 1,
                 "frequency_hz": modes.frequency_hz(*mode),
-                "largest_j": self.largest_j[index],
+                "largest_j": self.largest_j.get(index),
                 "last_j": self.row.get(index),
             })
         };

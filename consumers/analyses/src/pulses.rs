@@ -485,6 +485,42 @@ fn json(threshold_m_s: f64, found: &Pulses, pulses: &[Pulse]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use consumers::analysis::{LastRow, Settings};
+    use producer::integrator::Integrator;
+    use producer::state::ChainState;
+    use schemas::config::RunConfig;
+    use schemas::manifest::Origin;
+
+    /// Two drives make four fronts, and a front goes on beyond the seam of a ring; a striker beside that makes pulses in both
+    /// directions.
+    #[test]
+    fn fronts_of_several_places_are_not_one() {
+        let shape = "{ amplitude = 5.0, duration_s = 2e-4, at_s = 1e-4 }";
+        let drive = |bead: u64| format!("[[drive]]\nbead = {bead}\nforce_n.half_sine = {shape}\n");
+        let drives = [40, 120].map(drive).concat();
+        let ends = "[ends]\nleft = \"periodic\"\nright = \"periodic\"\n";
+        let ring = format!("{ends}[striker]\nbead = 82\nvelocity_m_s = 1.0\n");
+        for (beads, rest, of_strikers) in [(200, drives, 0), (90, ring, 2)] {
+            let toml = format!(
+                "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}[time]\nduration_s = 0.006\n"
+            );
+            let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 };
+            let manifest = RunManifest::new(&RunConfig::from_toml(&toml).unwrap(), "run", origin).unwrap();
+            let settings = Settings::default();
+            let mut analysis = PulseAnalysis::new(&Beginning::whole("pulses", &manifest, &settings));
+            let (mut state, mut out) = (ChainState::initial(&manifest.physics), LastRow::default());
+            let mut integrator = Integrator::new(&manifest.physics);
+            while state.step < manifest.physics.step_count {
+                analysis.observe(&state.as_frame(&manifest, state.step), &mut out);
+                integrator.step(&mut state);
+            }
+            analysis.finish(&mut out).unwrap();
+            assert_eq!(analysis.pulses.unfollowed(), []);
+            let pulses = analysis.strongest.pulses();
+            let found = pulses.iter().filter(|pulse| pulse.birth == Birth::Striker).count();
+            assert_eq!(found, of_strikers, "{pulses:?}");
+        }
+    }
 
     #[test]
     fn slow_and_fast_units_keep_their_digits() {

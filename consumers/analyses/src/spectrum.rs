@@ -437,8 +437,8 @@ impl Analysis for SpectrumAnalysis {
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
         let found = self.found.as_ref()?.first_summary()?;
         Some(Number::Double(match name {
-            "peak_hz" => found.peak_hz,
-            "peak_density" => found.peak,
+            "peak_hz" => found.peak?[0],
+            "peak_density" => found.peak?[1],
             "mean_square" => found.mean_square,
             _ => return None,
         }))
@@ -449,7 +449,7 @@ fn too_few(samples: &Samples, break_count: u64) -> Refusal {
     let seen = counted(samples.count, "sample");
     let gaps = if break_count > 0 { format!(" with {}", counted(break_count, "gap")) } else { String::new() };
     Refusal::from(format!(
-        "{seen}{gaps} do not fill a segment of a spectrum: take a longer part of the run, a shorter --segment (at least \
+        "{seen}{gaps} cannot fill a segment of a spectrum: take a longer part of the run, a shorter --segment (at least \
          16), or --every-step, which recomputes what is between frames; --fill-gaps fills gaps"
     ))
 }

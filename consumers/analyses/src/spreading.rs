@@ -7,7 +7,7 @@ use consumers::local_energy::BeadEnergies;
 use consumers::power_law::LineSums;
 use consumers::series::Series;
 use figure::{Axis, Figure, FigureError, Panel};
-use schemas::amounts::{number, quantity};
+use schemas::amounts::{counted, number, quantity};
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -25,7 +25,8 @@ pub static OFFER: Offer = Offer {
         beadline spreading sparse.mcap --every-step --from 0.04 --until 0.041 --out s.csv\n\n\
         The energy ε of bead i is its kinetic energy, half the potential energy of each contact with a bead, and all of that with a \
         wall. Second moment: m2 = Σ (i − c)²·ε/Σ ε about the centre c = Σ i·ε/Σ ε. Participation number: P = (Σ ε)²/Σ ε², 1 if one bead \
-        has all the energy, N if all have the same. A ring is cut open opposite to where the energy is. `beadline plot --what energy-density` maps ε.\n\n\
+        has all the energy, N if all have the same. A ring is cut open opposite to where the energy is. \
+        None of these exists while bonds or springs give a bead an energy below 0. `beadline plot --what energy-density` maps ε.\n\n\
         m2 and P grow as powers of the time: their exponents are the slopes of the logarithms, by least squares from --fit-from to the end, \
         with the same weight for each factor in time. The localisation length ξ is that of exp(-|i − p|/ξ), fitted to the mean energies of these \
         frames around the bead p that has most, out to where they are 1e-8 of its; there is none if it is longer than the chain. Errors are those over runs: sweep the seed.",
@@ -61,7 +62,11 @@ const SUMMARY: [Meaning; 7] = [
 /// Mean energy of a bead over the largest one, below which the localisation length does not look at it.
 const FAINTEST: f64 = 1e-8;
 
-/// Energy along the chain in one frame, with `ε_i` the energy of bead `i` ([`BeadEnergies`]). NaN in a chain without energy.
+/// The energy of a bead over that of all, below 0, that rounding may give.
+const ROUNDING: f64 = 1e-12;
+
+/// Energy along the chain in one frame, with `ε_i` the energy of bead `i` ([`BeadEnergies`]). NaN in a chain without energy, and all
+/// but the energy where one is below 0 by more than rounding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SpreadingRow {
     /// `Σ ε_i` (J).
@@ -99,6 +104,11 @@ impl SpreadingRow {
             (first..).zip(energies_j).fold(0.0, |sum, (bead, energy)| sum + of(place(bead), *energy))
         };
         let energy_j = sum(&|_, energy| energy);
+        let least_j = -ROUNDING * sum(&|_, energy| energy.abs());
+        if energies_j.iter().any(|energy_j| *energy_j < least_j) {
+            let [centre_beads, second_moment_beads2, participation_beads] = [f64::NAN; 3];
+            return Self { energy_j, centre_beads, second_moment_beads2, participation_beads };
+        }
         let centre_beads = sum(&|bead, energy| bead * energy) / energy_j;
         let second = sum(&|bead, energy| (bead - centre_beads) * (bead - centre_beads) * energy);
         Self {
@@ -137,6 +147,8 @@ struct Spreading {
     growth: [LineSums; 2],
     /// Sums of the energies (J) of the beads.
     sums_j: Vec<f64>,
+    /// Frames in which a bead has an energy below 0.
+    below_zero: u64,
     /// Kept for a figure alone.
     curves: Option<Series<4>>,
 }
@@ -154,6 +166,7 @@ impl Spreading {
             fit_from_s: beginning.settings.one("fit-from").unwrap_or(a_tenth_s),
             growth: [LineSums::default(); 2],
             sums_j: vec![0.0; chain.bead_count()],
+            below_zero: 0,
             chain,
             manifest,
             curves,
@@ -194,7 +207,12 @@ impl Analysis for Spreading {
         let energies_j = &energies_j[beads.clone()];
         let ring = self.chain.is_ring.then_some(self.chain.bead_count());
         let row = SpreadingRow::among(beads.start, energies_j, ring);
-        if frame.time_s >= self.fit_from_s {
+        if self.last.is_none() && frame.time_s > self.fit_from_s {
+            self.fit_from_s = frame.time_s;
+        }
+        if row.participation_beads.is_nan() {
+            self.below_zero += u64::from(row.energy_j != 0.0);
+        } else if frame.time_s >= self.fit_from_s {
             for (sums, value) in
                 self.growth.iter_mut().zip([row.second_moment_beads2, row.participation_beads])
             {
@@ -218,15 +236,26 @@ impl Analysis for Spreading {
         report.results["participation_exponent"] = json!(participation_exponent);
         report.results["localisation_beads"] = json!(localisation_beads);
         let words = &mut report.words;
-        if row.participation_beads.is_nan() {
+        if self.below_zero > 0 {
+            let frames = counted(self.below_zero, "frame");
+            report.notices.push(format!(
+                "in {frames} a bead has an energy below 0: no centre, second moment or participation number there"
+            ));
+        }
+        if row.participation_beads.is_nan() && row.energy_j == 0.0 {
             words.add("energy", "none: nothing can spread");
             return Some(report);
         }
         words.add("energy", quantity(row.energy_j, "J"));
-        words.add("centre", format_args!("bead {}", number(row.centre_beads)));
-        let (moment, width) = (row.second_moment_beads2, row.second_moment_beads2.sqrt());
-        words.add("second moment", format_args!("{} beads² (width {} beads)", number(moment), number(width)));
-        words.add("participation", format_args!("{} beads", number(row.participation_beads)));
+        if !row.participation_beads.is_nan() {
+            words.add("centre", format_args!("bead {}", number(row.centre_beads)));
+            let (moment, width) = (row.second_moment_beads2, row.second_moment_beads2.sqrt());
+            words.add(
+                "second moment",
+                format_args!("{} beads² (width {} beads)", number(moment), number(width)),
+            );
+            words.add("participation", format_args!("{} beads", number(row.participation_beads)));
+        }
         let from = quantity(self.fit_from_s, "s");
         for (name, exponent) in [("m2 grows", moment_exponent), ("P grows", participation_exponent)] {
             if let Some(exponent) = exponent {
@@ -280,7 +309,8 @@ mod tests {
         let config = Preset::find("disordered").expect("a preset").config();
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
         let manifest = RunManifest::new(&config, "run", origin).expect("valid");
-        let settings = consumers::analysis::Settings::default();
+        let mut settings = consumers::analysis::Settings::default();
+        settings.set(&OFFER.settings[0], vec!["1e-4".to_owned()]).expect("a time");
         let mut spreading = Spreading::new(&Beginning::whole("spreading", &manifest, &settings));
         let mass_kg = spreading.chain.mass_kg.clone();
         for ms in 1..=20 {
@@ -304,6 +334,8 @@ mod tests {
         let length = held.localisation_beads().expect("it falls");
         assert!((length - 2.0).abs() < 1e-9, "{length}");
         assert_eq!(observed(|_, _| 1.0).localisation_beads(), None);
+        // not from the 0.1 ms on that were asked for: the first frame is later
+        assert_eq!(observed(apart).fit_from_s, 1e-3);
     }
 
     #[test]
@@ -314,6 +346,10 @@ mod tests {
         let even = SpreadingRow::of(&[0.5; 11]);
         assert_eq!(even.values(), [5.5, 5.0, 10.0, 11.0]);
         assert!(SpreadingRow::of(&[0.0; 3]).participation_beads.is_nan());
+        // shares of a sum are above 0, but for rounding
+        let [energy_j, rest @ ..] = SpreadingRow::of(&[3.0, -1.0, 2.0]).values();
+        assert!(energy_j == 4.0 && rest.iter().all(|value| value.is_nan()));
+        assert_eq!(SpreadingRow::of(&[1.0, -1e-17, 1.0]).participation_beads, 2.0);
     }
 
     /// A packet in a ring is as wide at the seam as elsewhere, and its middle is where it is.

@@ -123,7 +123,7 @@ impl Results {
     pub(crate) fn cells(self, parameters: &[Option<ParameterValue>]) -> Vec<Cell> {
         parameters
             .iter()
-            .map(|value| parameter(value.as_ref()))
+            .map(|value| parameter_cell(value.as_ref()))
             .chain(self.results)
             .chain(self.measured)
             .collect()
@@ -219,7 +219,8 @@ impl Results {
     }
 }
 
-fn parameter(value: Option<&ParameterValue>) -> Cell {
+/// The cell of the value of a parameter, which not every point has.
+pub fn parameter_cell(value: Option<&ParameterValue>) -> Cell {
     match value {
         None => Cell::Empty,
         Some(ParameterValue::Integer(value)) => Cell::Integer(*value),

@@ -19,7 +19,7 @@ pub mod recorded;
 pub mod row;
 pub mod series;
 
-pub use columns::{ERROR_COLUMN, columns};
+pub use columns::{ERROR_COLUMN, columns, parameter_cell};
 pub use prepare::prepared;
 
 use producer::sweep::Hooks;

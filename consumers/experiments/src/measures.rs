@@ -14,7 +14,8 @@ use schemas::manifest::RunManifest;
 use schemas::spelling::did_you_mean;
 
 /// The ends of names that are units, which may be left out.
-const UNITS: [&str; 10] = ["j", "n", "m", "s", "hz", "beads", "beads2", "m_s", "n_s", "beads_per_s"];
+const UNITS: [&str; 13] =
+    ["j", "n", "m", "s", "w", "hz", "beads", "beads2", "m_s", "n_s", "kg_m_s", "per_s", "beads_per_s"];
 
 /// The place of `key` among `known`, and true if it is new there.
 pub(crate) fn place_among<T: PartialEq>(known: &mut Vec<T>, key: T) -> (usize, bool) {
@@ -336,6 +337,9 @@ mod tests {
             ("forces.peak@right", "forces.peak_n@right"),
             ("pulses.v_peak@forward", "pulses.v_peak_m_s@forward"),
             ("spectrum.peak_hz@12", "spectrum.peak_hz@12"),
+            ("heat.current", "heat.current_w"),
+            ("lyapunov.exponent", "lyapunov.exponent_per_s"),
+            ("pulses.momentum", "pulses.momentum_kg_m_s"),
             ("modal(threshold=0.1).equipartition", "modal(threshold=0.1).equipartition_s"),
         ] {
             let parsed = Measure::parse(MeasureOf::Summary, text);

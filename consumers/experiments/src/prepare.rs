@@ -6,12 +6,12 @@ mod states;
 
 use producer::integrator::Integrator;
 use producer::state::ChainState;
-use recording::RecordingSource;
+use recording::{RecordingSource, hex};
 use schemas::config::{ConfigError, FromRecording, Initial, RunConfig, StrikerConfig};
 use schemas::drive::{Waveform, table_from_csv};
 use schemas::frame::{FrameSource, Received};
 use sha2::{Digest, Sha256};
-use std::fmt::{self, Write};
+use std::fmt;
 use std::path::Path;
 use storage::is_url;
 
@@ -46,10 +46,8 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
         }
     }
     let beads = usize::try_from(config.chain.beads).unwrap_or(usize::MAX);
-    for (u_m, v_m_s) in solitary::waves(&config)? {
-        add(&mut config.initial.displacements_m, u_m);
-        add(&mut config.initial.velocities_m_s, v_m_s);
-    }
+    let initial = solitary::with_waves(&config)?;
+    (config.initial.displacements_m, config.initial.velocities_m_s) = initial;
     config.initial.solitary.clear();
     if let Some(modes) = config.initial.modes.take() {
         let (u_m, v_m_s) = states::of_modes(&config, &modes)?;
@@ -59,13 +57,19 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
     if let Some(from) = config.initial.from.clone()
         && from.sha256.is_none()
     {
-        let (u_m, v_m_s, sha256) = state_of(&from, &place(Path::new(&from.recording)))?;
-        if u_m.len() != beads {
-            let found = format!("a state of {} beads", u_m.len());
+        let (state, resonators, sha256) = state_of(&from, &place(Path::new(&from.recording)))?;
+        if state.u_m.len() != beads {
+            let found = format!("a state of {} beads", state.u_m.len());
             return Err(refused("initial.from", format!("found {found}; allowed: one of {beads} beads")));
         }
-        add(&mut config.initial.displacements_m, u_m);
-        add(&mut config.initial.velocities_m_s, v_m_s);
+        add(&mut config.initial.displacements_m, state.u_m.to_vec());
+        add(&mut config.initial.velocities_m_s, state.v_m_s.to_vec());
+        // a state that is scaled has none of its own
+        if config.resonators.is_some() && config.initial.energy_per_bead_j.is_none() {
+            let [w_m, w_m_s] = resonators;
+            add(&mut config.initial.resonator_displacements_m, w_m);
+            add(&mut config.initial.resonator_velocities_m_s, w_m_s);
+        }
         config.initial.from = Some(FromRecording { sha256: Some(sha256), ..from });
     }
     if let Some(energy_j) = config.initial.energy_per_bead_j.take() {
@@ -90,9 +94,9 @@ fn add(list: &mut Vec<f64>, more: Vec<f64>) {
     }
 }
 
-/// Displacements (m), velocities (m/s) and the hash of a state of a recording, recomputed from the one before where it is not
-/// recorded.
-fn state_of(from: &FromRecording, path: &Path) -> Result<(Vec<f64>, Vec<f64>, String), ConfigError> {
+/// A state of a recording, recomputed from the one before where it is not recorded, the displacements (m) and velocities (m/s) of its
+/// resonators, and the hash of those of its beads.
+fn state_of(from: &FromRecording, path: &Path) -> Result<(ChainState, [Vec<f64>; 2], String), ConfigError> {
     let refuse = |why: &dyn fmt::Display| {
         let found = format!("found {}: {why}", path.display());
         refused("initial.from", format!("{found}; allowed: a recording and a step of its run"))
@@ -114,10 +118,6 @@ fn state_of(from: &FromRecording, path: &Path) -> Result<(Vec<f64>, Vec<f64>, St
     }
     let mut hash = Sha256::new();
     state.u_m.iter().chain(state.v_m_s.iter()).for_each(|x| hash.update(x.to_le_bytes()));
-    let mut sha256 = String::new();
-    for byte in hash.finalize() {
-        // writing to a String cannot fail
-        let _ = write!(sha256, "{byte:02x}");
-    }
-    Ok((state.u_m.to_vec(), state.v_m_s.to_vec(), sha256))
+    let resonators = physics.rows().resonators_of(&state.extra).map(<[f64]>::to_vec);
+    Ok((state, resonators, hex(&hash.finalize())))
 }

@@ -10,6 +10,7 @@ use consumers::impurity::{Event, EventKind, Followed};
 use map::SpaceTime;
 use recording::foxglove::{FoxgloveMessage, Level, Log, PointCloud, RawImage, timestamp};
 use recording::{ForeignChannel, ForeignWriter, Scalars, WriteOptions, log_time_ns};
+use schemas::amounts::quantity;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::summary::Summarizer;
@@ -216,12 +217,12 @@ fn about(manifest: &RunManifest) -> String {
 }
 
 fn text_of(event: &Event) -> String {
-    let u_mm = event.u_m * 1e3;
-    match event.kind {
-        EventKind::LeftCloses => format!("left contact closes at u = {u_mm:.6} mm"),
-        EventKind::LeftOpens => format!("left contact opens at u = {u_mm:.6} mm"),
-        EventKind::RightCloses => format!("right contact closes at u = {u_mm:.6} mm"),
-        EventKind::RightOpens => format!("right contact opens at u = {u_mm:.6} mm"),
-        EventKind::Turns => format!("turns at u = {u_mm:.6} mm"),
-    }
+    let happens = match event.kind {
+        EventKind::LeftCloses => "left contact closes",
+        EventKind::LeftOpens => "left contact opens",
+        EventKind::RightCloses => "right contact closes",
+        EventKind::RightOpens => "right contact opens",
+        EventKind::Turns => "turns",
+    };
+    format!("{happens} at u = {}", quantity(event.u_m, "m"))
 }

@@ -27,13 +27,17 @@ pub(super) struct Scale {
     reversed: bool,
     /// True if the unit on the axis can have a prefix, which makes numbers short.
     pub(super) takes_prefix: bool,
+    /// The least distance of ticks: 1 on an axis of beads or contacts, between which there is nothing.
+    pub(super) least_step: f64,
 }
 
 impl Scale {
     /// The axis' own limits, or the extent of `values` with some room.
     pub(super) fn new(axis: &Axis, values: impl Iterator<Item = f64>, room: Margin) -> Self {
         let takes_prefix = takes_prefix(&axis.label);
-        let scale = |from, to| Self { from, to, log: axis.log, reversed: axis.reversed, takes_prefix };
+        let least_step = if matches!(axis.label.as_str(), "bead" | "contact") { 1.0 } else { 0.0 };
+        let scale =
+            |from, to| Self { from, to, log: axis.log, reversed: axis.reversed, takes_prefix, least_step };
         if let Some((a, b)) = axis.limits {
             let usable = scale(a, b);
             if a != b && usable.holds(a) && usable.holds(b) {

@@ -19,7 +19,8 @@ impl Scale {
     }
 
     fn linear_ticks(&self, count: usize) -> Ticks {
-        let step = RoundStep::near((self.to - self.from) / count.max(1) as f64);
+        let step = RoundStep::near(((self.to - self.from) / count.max(1) as f64).max(self.least_step));
+        let small_step = step.size() / step.minor_count();
         let exponent = self.exponent();
         let decimals = step.decimals(exponent);
         let write = |value: f64| signed(value / power_of_ten(exponent), decimals);
@@ -29,7 +30,7 @@ impl Scale {
                 .filter_map(|value| Some((self.place(value)?.clamp(0.0, 1.0), write(value))))
                 .collect(),
             minor: self
-                .multiples(step.size() / step.minor_count())
+                .multiples(if small_step < self.least_step { step.size() } else { small_step })
                 .filter_map(|value| Some(self.place(value)?.clamp(0.0, 1.0)))
                 .collect(),
             exponent,
@@ -221,6 +222,15 @@ mod tests {
         let axis = Axis::new("x").limits(-0.5, 999.5);
         assert_eq!(labels(&axis, 2), ["0", "500", "1000"]);
         assert_eq!(labels(&Axis::new("x").limits(0.0, 994.0), 2), ["0", "500"]);
+    }
+
+    #[test]
+    fn nothing_is_between_two_beads() {
+        let axis = |label| Axis::new(label).limits(4.5, 6.5);
+        assert_eq!(labels(&axis("bead"), 5), ["5", "6"]);
+        assert_eq!(labels(&axis("x"), 5), ["4.5", "5.0", "5.5", "6.0", "6.5"]);
+        let ticks = Scale::new(&axis("contact"), std::iter::empty(), Margin::Nothing).ticks(5);
+        assert_eq!(ticks.minor, [0.25, 0.75]);
     }
 
     #[test]

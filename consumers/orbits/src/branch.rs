@@ -2,7 +2,7 @@
 //! turn back.
 
 use crate::map::norm;
-use crate::multipliers::{Instability, Multiplier, Multipliers};
+use crate::multipliers::{Instability, Multiplier};
 use crate::newton::{Found, NoOrbit, Plane, Unknown};
 use crate::{MapError, Orbit, Search};
 use serde::{Deserialize, Serialize};
@@ -277,13 +277,14 @@ impl Search<'_> {
     /// # Errors
     /// When no orbit is found between them.
     pub fn change(&self, one: &Orbit, other: &Orbit, turns: bool) -> Result<Option<Change>, NoOrbit> {
-        let counts = [one, other].map(|orbit| orbit.multipliers.unstable().count());
+        let ends = [one, other].map(|orbit| &orbit.multipliers);
+        let counts = ends.map(|end| end.unstable().count());
         if counts[0] == counts[1] {
             return Ok(None);
         }
         let begins = counts[1] > counts[0];
-        let worse: &Multipliers = if begins { &other.multipliers } else { &one.multipliers };
-        let Some(multiplier) = worse.unstable().last() else { return Ok(None) };
+        let [better, worse] = if begins { ends } else { [ends[1], ends[0]] };
+        let Some(multiplier) = worse.gained(better) else { return Ok(None) };
         let kind = worse.kind(multiplier);
         let test = |orbit: &Orbit| orbit.multipliers.test(kind, multiplier);
         let (from, to) = (self.newton.numbers(&one.unknown), self.newton.numbers(&other.unknown));

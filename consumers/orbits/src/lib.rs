@@ -34,7 +34,7 @@ pub mod switching;
 pub use map::MapError;
 pub use newton::{Asked, Family, NoOrbit, Problem};
 
-use map::{Coordinates, Map, norm};
+use map::{Coordinates, Map, check_steps, norm};
 use multipliers::Multipliers;
 use newton::{Found, Newton, Unknown};
 use producer::state::ChainState;
@@ -173,6 +173,7 @@ impl<'a> Search<'a> {
             ));
         }
         let physics = Physics { dt_s: period_s / steps as f64, ..physics };
+        check_steps(&physics, steps, physics.dt_s)?;
         let begun = ChainState::initial(&physics);
         let mut coordinates = Coordinates::of(&physics, &begun).map_err(MapError::from)?;
         let mut points = vec![coordinates.of_state(&begun)];

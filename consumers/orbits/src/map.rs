@@ -4,6 +4,8 @@ use nalgebra::DMatrix;
 use producer::integrator::Integrator;
 use producer::state::ChainState;
 use producer::tangents::NoTangent;
+use schemas::amounts::quantity;
+use schemas::config::ConfigError;
 use schemas::manifest::Physics;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{ScopedJoinHandle, available_parallelism, scope};
@@ -60,10 +62,11 @@ pub enum MapError {
         "what drives move is elsewhere after a period: the period is no multiple of that of the drives, or a velocity has a mean"
     )]
     DriveMoves,
-    /// A contact with a dashpot closed or opened.
+    /// A damped contact closed or opened, whose force has no bounded slope there.
     #[error(
-        "a contact with a dashpot opens and closes, where its force jumps: there is no derivative; press the chain \
-         ([load] precompression_n), or choose another damping (kuwabara_kono_s)"
+        "a damped contact opens and closes, where its force jumps (dashpots), or has a slope without bound (δ^p with p below 1: restitution and \
+         kuwabara_kono_s of spheres), and multipliers are off by chance; press the chain ([load] precompression_n), or choose another \
+         damping (on_site.drag_n_s_per_m, or damping.power with an exponent of 1 or more)"
     )]
     Jumps,
     /// Somebody gave it up.
@@ -329,6 +332,22 @@ impl Map<'_> {
             *numbers = (0..from.len()).map(at).collect();
         }
     }
+}
+
+/// The key of an error about steps that are too long.
+pub(crate) const STEPS: &str = "orbit.steps";
+
+/// Refuses a period of `steps` steps of `dt_s`, if no run of `physics` may have such steps.
+pub(crate) fn check_steps(physics: &Physics, steps: u64, dt_s: f64) -> Result<(), ConfigError> {
+    let longest_s = physics.longest_dt_s();
+    if dt_s > longest_s {
+        let found = format!("{steps}, of {}", quantity(dt_s, "s"));
+        let (longest, fewest) = (quantity(longest_s, "s"), (steps as f64 * dt_s / longest_s).ceil());
+        let allowed =
+            format!("steps of at most {longest}, as in any run: {fewest} or more in a period of this length");
+        return Err(ConfigError::value(STEPS, found, &allowed));
+    }
+    Ok(())
 }
 
 /// √(Σ x²).

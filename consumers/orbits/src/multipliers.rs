@@ -153,6 +153,16 @@ impl Multipliers {
         self.telling().filter(|one| one.size() > 1.0 + ON_CIRCLE)
     }
 
+    /// The smallest of those outside of the unit circle that are of a kind of which `other` has fewer.
+    pub(crate) fn gained(&self, other: &Self) -> Option<Multiplier> {
+        let count = |these: &Self, kind| these.unstable().filter(|one| these.kind(*one) == kind).count();
+        let is_more = |one: &Multiplier| {
+            let kind = self.kind(*one);
+            count(self, kind) > count(other, kind)
+        };
+        self.unstable().filter(is_more).last()
+    }
+
     /// Largest difference between the multipliers and those of `other`, over their size, of those that are not 1 by symmetry.
     pub(crate) fn difference(&self, other: &Self) -> f64 {
         let sorted = |these: &Self| {
@@ -210,5 +220,26 @@ impl Multipliers {
         // real ones pass alone, and may have met as a pair before
         let pair = near.get(1).filter(|second| first.is_real() == second.is_real());
         Some(-pair.map_or(-sign * (first.re - sign), |second| (distance(first) * distance(*second)).re))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pair has left the circle before, and is nearer to it than the multiplier that leaves next.
+    #[test]
+    fn a_second_instability_has_its_own_name() {
+        let of = |numbers: &[[f64; 2]]| {
+            let found = numbers.iter().map(|[re, im]| Multiplier { re: *re, im: *im });
+            Multipliers::sorted(found.collect(), None, (0, 0.0), true)
+        };
+        let before = of(&[[0.8, 0.9], [0.8, -0.9], [-0.6, 0.8], [-0.6, -0.8]]);
+        let after = of(&[[0.8, 1.0], [0.8, -1.0], [-1.29, 0.0], [-0.775, 0.0]]);
+        for found in [after.gained(&before), of(&[[-1.29, 0.0]]).gained(&of(&[]))] {
+            let found = found.expect("one");
+            assert_eq!((found.re, after.kind(found)), (-1.29, Instability::PeriodDoubling));
+        }
+        assert_eq!((before.gained(&after), after.gained(&after)), (None, None));
     }
 }

@@ -12,7 +12,7 @@ mod band;
 mod equations;
 mod products;
 
-use crate::map::{Carried, Coordinates, Map, MapError, norm};
+use crate::map::{Carried, Coordinates, Map, MapError, check_steps, norm};
 use nalgebra::{DMatrix, DVector};
 use schemas::config::ConfigError;
 use schemas::manifest::Physics;
@@ -212,13 +212,14 @@ impl Newton<'_> {
         unknown.points[0].iter().copied().chain(further).collect()
     }
 
-    /// `unknown` with the parameter `parameter`, and the step that the period asked for has there.
+    /// `unknown` with the parameter `parameter`, and the step that the period asked for has there, if a run may have it.
     fn at(&self, unknown: &Unknown, parameter: f64) -> Result<(Problem, Unknown), NoOrbit> {
         let problem = (self.family)(parameter)?;
         let dt_s = match problem.asked {
             Asked::PeriodS(period_s) => self.periods as f64 * period_s / self.steps as f64,
             Asked::EnergyJ(_) | Asked::AmplitudeM(_) => unknown.dt_s,
         };
+        check_steps(&problem.physics, self.steps, dt_s)?;
         Ok((problem, Unknown { dt_s, parameter, points: unknown.points.clone() }))
     }
 

@@ -1,9 +1,10 @@
 //! Rows and figures of orbits.
 
-use crate::Orbit;
 use crate::branch::Change;
+use crate::map::STEPS;
 use crate::multipliers::Multipliers;
 use crate::spectra::Spectrum;
+use crate::{NoOrbit, Orbit};
 use consumers::table::{Cell, Column, Kind};
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Panel, Stroke};
 use plots::{HeatMap, column_label};
@@ -20,7 +21,7 @@ const COLUMNS: [&str; 6] =
 pub const STABLE: &str = "stable";
 /// The same where not all multipliers are found.
 const NONE_FOUND: &str = "stable as far as known";
-/// The same without an orbit.
+/// The beginning of the same without an orbit.
 pub const NOT_FOUND: &str = "no orbit found";
 /// Places of these among the columns of a branch.
 const ENERGY: usize = 2;
@@ -72,12 +73,17 @@ pub fn map_columns([across, along]: &[String; 2]) -> Vec<Column> {
     [Column::new(across, Kind::Double)].into_iter().chain(columns(along)).chain(further).collect()
 }
 
-/// The row of a point in these; almost empty where no orbit was found.
-pub fn map_row([across, along]: [f64; 2], found: Option<&Orbit>) -> Vec<Cell> {
-    let Some(orbit) = found else {
-        let empty = std::iter::repeat_n(Cell::Empty, COLUMNS.len() + 1);
-        let start = [Cell::Double(across), Cell::Double(along)].into_iter();
-        return start.chain(empty).chain([Cell::Word(NOT_FOUND.to_owned())]).collect();
+/// The row of a point in these; almost empty where no orbit was found, for this reason.
+pub fn map_row([across, along]: [f64; 2], found: Result<&Orbit, &NoOrbit>) -> Vec<Cell> {
+    let orbit = match found {
+        Ok(orbit) => orbit,
+        Err(why) => {
+            let are_long = matches!(why, NoOrbit::Config(error) if error.key == STEPS);
+            let why = if are_long { ": steps too long (orbit.steps)" } else { "" };
+            let empty = std::iter::repeat_n(Cell::Empty, COLUMNS.len() + 1);
+            let start = [Cell::Double(across), Cell::Double(along)].into_iter();
+            return start.chain(empty).chain([Cell::Word(format!("{NOT_FOUND}{why}"))]).collect();
+        }
     };
     let angle = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
     let way = Cell::Word(way(&orbit.multipliers).to_owned());
@@ -124,7 +130,7 @@ pub fn map(
     let scale = ColourScale::new(&map.columns[2], sizes().fold(0.0, f64::min), sizes().fold(0.0, f64::max));
     let is_stable: Vec<bool> = rows.iter().map(|row| stability(row).starts_with(STABLE)).collect();
     let limit = Curve::line("limit of stability", map.border(&is_stable)).colour(Colour::Black);
-    let missed = rows.iter().filter(|row| stability(row) == NOT_FOUND).count();
+    let missed = rows.iter().filter(|row| stability(row).starts_with(NOT_FOUND)).count();
     let panel = map.panel(scale, &format!("no orbit found ({missed})"))?;
     Ok(Figure::new().caption(caption).panel(panel.curve(limit)))
 }

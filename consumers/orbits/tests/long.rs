@@ -70,6 +70,8 @@ fn shaken(beads: u32, frequency_hz: f64) -> Vec<(String, String)> {
     let mut all = Vec::new();
     let sine = format!("{{ sine = {{ amplitude = 0.1, frequency_hz = {frequency_hz} }} }}");
     let pressed = format!("{FIXED}{LOAD}");
+    // as long as those of a run may be
+    let steps = if frequency_hz < 0.1 { 300 } else { 100 };
     for (name, law, rest, drive) in [
         ("a wall", SPHERES, &*pressed, "wall = 'left', displacement_m"),
         ("a bead that is moved", SPHERES, &pressed, "bead = 3, displacement_m"),
@@ -79,7 +81,7 @@ fn shaken(beads: u32, frequency_hz: f64) -> Vec<(String, String)> {
         for loss in ["on_site = { drag_n_s_per_m = 0.1 }", "damping.viscous_n_s_per_m = 0.3"] {
             let toml = format!(
                 "chain = {{ beads = {beads}, bead_mass_kg = 1.0, {law} }}\n{rest}\n{loss}\n\
-                 drive = [{{ {drive} = {sine} }}]\norbit = {{ steps = 100 }}"
+                 drive = [{{ {drive} = {sine} }}]\norbit = {{ steps = {steps} }}"
             );
             all.push((format!("{name}, {loss}, {beads} beads"), toml));
         }

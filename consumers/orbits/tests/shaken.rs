@@ -123,10 +123,31 @@ fn settled(physics: &Physics, periods: u64) -> ChainState {
 }
 
 #[test]
-fn dashpots_that_open_are_refused() {
-    let toml = "chain = { beads = 5, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }\nends = { left = 'fixed', right = 'fixed' }\n\
-        damping.viscous_n_s_per_m = 8.0\nload.precompression_n = 0.1\norbit = {}\n\
-        drive = [{ wall = 'left', displacement_m = { sine = { amplitude = 2e-4, frequency_hz = 2000.0 } } }]";
-    let refused = common::tried(toml).expect_err("a jump").to_string();
-    assert!(refused.contains("its force jumps"), "{refused}");
+fn damping_without_a_derivative_is_refused_where_contacts_open() {
+    for damping in ["viscous_n_s_per_m = 8.0", "restitution = 0.9", "kuwabara_kono_s = 1e-6"] {
+        let toml = format!(
+            "chain = {{ beads = 5, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }}\nends = {{ left = 'fixed', right = 'fixed' }}\n\
+             damping.{damping}\nload.precompression_n = 0.1\norbit = {{}}\n\
+             drive = [{{ wall = 'left', displacement_m = {{ sine = {{ amplitude = 2e-4, frequency_hz = 2000.0 }} }} }}]"
+        );
+        let refused = common::tried(&toml).expect_err("a jump").to_string();
+        assert!(refused.contains("its force jumps"), "{damping}: {refused}");
+    }
+}
+
+/// A slow drive has a long period, whose steps are no longer than those of a run.
+#[test]
+fn steps_that_no_run_may_have_are_refused() {
+    let toml = |steps: u64| {
+        format!(
+            "chain = {{ beads = 3, bead_mass_kg = 1.0, alpha = 1.5, stiffness = 1.0 }}\nends = {{ left = 'fixed', right = 'fixed' }}\n\
+             load.precompression_n = 1.0\non_site.drag_n_s_per_m = 0.002\norbit = {{ steps = {steps} }}\n\
+             drive = [{{ wall = 'left', displacement_m = {{ sine = {{ amplitude = 0.05, frequency_hz = 0.004 }} }} }}]"
+        )
+    };
+    let refused = common::tried(&toml(400)).expect_err("long steps").to_string();
+    assert!(refused.contains("orbit.steps: found 400, of 625.000 ms"), "{refused}");
+    // drag shrinks volumes by exp(−T·Σγ/m) of 6 multipliers, all of the same size
+    let size = common::find(&toml(6000)).multipliers.largest().map_or(0.0, Multiplier::size);
+    assert!((size - (-250.0 * 0.002 / 2.0_f64).exp()).abs() < 1e-6, "{size}");
 }

@@ -26,7 +26,9 @@ pub fn deformations(manifest: &RunManifest, found: &[Deformation]) -> Figure {
         figure = figure.shared_x();
     }
     if first {
-        figure = figure.panel(Panel::new().y_axis("overlap (m)").note("no pulse has passed"));
+        let why = found.iter().find_map(|deformation| deformation.measured.as_ref().err());
+        let why = why.map_or_else(String::new, ToString::to_string);
+        figure = figure.panel(Panel::new().y_axis("overlap (m)").note(why));
     }
     figure
 }

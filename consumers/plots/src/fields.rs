@@ -4,6 +4,7 @@ use super::{caption, energy, length, map_panel, prefix, rounded, short, sides};
 use consumers::fields::Field;
 use consumers::space_time::Picture;
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
+use schemas::amounts::counted;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use std::ops::Range;
@@ -183,11 +184,11 @@ fn coloured(manifest: &RunManifest, field: Field, picture: &Picture<f32>, steps:
     }
     let values: Vec<f64> = picture.cells().flatten().map(f64::from).collect();
     let [low, high] = bulk(manifest, field, true, &values);
+    let end = high.max(-low);
     // what is cut off by a little is not worth a word
-    if 1.2 * low <= least && 1.2 * high >= largest {
+    if -1.2 * end <= least && largest <= 1.2 * end {
         return [least, largest];
     }
-    let end = high.max(-low);
     [if -end > least { -end } else { least }, if end < largest { end } else { largest }]
 }
 
@@ -272,15 +273,28 @@ pub(super) fn label_beyond_rest(manifest: &RunManifest, field: Field, largest: f
     (label, factor)
 }
 
-/// Range of the values that is shown. Displacements lose a fiftieth at either end, since the struck end of a chain
-/// flies off, and the rest would be a flat line beside it. No gap wider than the largest overlap is shown, if there is an
+/// Range of the values that is shown. Displacements other than 0 lose a fiftieth at either end, since the struck end of a
+/// chain flies off, and the rest would be a flat line beside it. No gap wider than the largest overlap is shown, if there is an
 /// overlap; a bond has no gaps, nor need a loaded contact have one that is less pressed than at rest, from which values count if they are `from_rest`.
 fn bulk(manifest: &RunManifest, field: Field, from_rest: bool, values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let Some(last) = sorted.len().checked_sub(1) else { return [0.0; 2] };
-    let few = if field == Field::Displacement { sorted.len() / 50 } else { 0 };
-    let (mut low, high) = (sorted[few], sorted[last - few]);
+    let Some((mut low, mut high)) = sorted.first().copied().zip(sorted.last().copied()) else {
+        return [0.0; 2];
+    };
+    if field == Field::Displacement && low < high {
+        // beads that have not moved yet say nothing about how far the others have
+        sorted.retain(|value| *value != 0.0);
+        let few = sorted.len() / 50;
+        let mut near = [sorted[few], sorted[sorted.len() - 1 - few]];
+        if sorted.len() < values.len() {
+            near = [near[0].min(0.0), near[1].max(0.0)];
+        }
+        // the tail of a front is next to nothing
+        if near[1] - near[0] > 1e-9 * (high - low) {
+            [low, high] = near;
+        }
+    }
     let can_be_gaps = manifest.physics.bonds.is_none() && !(from_rest && is_loaded(manifest, field));
     if field == Field::Overlap && can_be_gaps && high > 0.0 && low < -high {
         low = -high;
@@ -288,10 +302,10 @@ fn bulk(manifest: &RunManifest, field: Field, from_rest: bool, values: &[f64]) -
     [low, high]
 }
 
-/// This range with some room on both sides.
+/// This range with some room on both sides, which equal values other than 0 have, too.
 pub(super) fn shown_range(manifest: &RunManifest, field: Field, from_rest: bool, values: &[f64]) -> [f64; 2] {
     let [low, high] = bulk(manifest, field, from_rest, values);
-    let room = 0.15 * (high - low);
+    let room = 0.15 * if low < high { high - low } else { high.abs() };
     [low - room, high + room]
 }
 
@@ -300,13 +314,39 @@ fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     let outside = values.iter().copied().filter(|value| *value < shown[0] || *value > shown[1]);
     let outside: Vec<f64> = outside.collect();
     let farthest = outside.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let number_of = |one| counted(outside.len() as u64, one);
     match (farthest, field) {
         (None, _) | (_, Field::Velocity | Field::Energy) => String::new(),
         (Some(farthest), Field::Displacement) => {
-            format!("{} beads beyond the frame,\nas far as {}", outside.len(), length(farthest))
+            format!("{} beyond the frame,\nas far as {}", number_of("bead"), length(farthest))
         }
         (Some(farthest), Field::Overlap) => {
-            format!("{} wider gaps,\nup to {}", outside.len(), length(-farthest))
+            format!("{},\nup to {}", number_of("wider gap"), length(-farthest))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use schemas::manifest::Origin;
+    use schemas::presets::PRESETS;
+
+    #[test]
+    fn displacements_that_are_shown_are_those_of_beads_that_have_moved() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let run = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid");
+        let shown = |values: &[f64]| bulk(&run, Field::Displacement, false, values);
+        let with_rest = |moved: &[f64]| shown(&[moved, &[0.0; 1000]].concat());
+        assert_eq!(with_rest(&[5e-4, 4e-4, 1e-130]), [0.0, 5e-4]);
+        // the struck bead has flown off
+        let moved: Vec<f64> = (1..=100).map(f64::from).collect();
+        assert_eq!(with_rest(&[&moved[..], &[-1e6]].concat()), [0.0, 98.0]);
+        assert_eq!(shown(&moved), [3.0, 98.0]);
+        // nearly all of what has moved is the tail of a front
+        assert_eq!(with_rest(&[&[1e-3][..], &[1e-130; 200]].concat()), [0.0, 1e-3]);
+        assert_eq!(shown(&[0.0; 9]), [0.0; 2]);
+        let [low, high] = shown_range(&run, Field::Velocity, true, &[5.0; 6]);
+        assert!(low < 5.0 && 5.0 < high, "{low} to {high}");
     }
 }

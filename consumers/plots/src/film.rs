@@ -20,8 +20,8 @@ pub struct Film<'a> {
     energy: (&'static str, f64),
     /// Names and columns of the energies that are shown.
     energies: [(String, &'static str); 3],
-    /// Decimals of the time (ms) by which pictures differ.
-    decimals: usize,
+    /// Unit of the time, its factor from s, and the decimals by which pictures differ.
+    time: (&'static str, f64, usize),
 }
 
 impl<'a> Film<'a> {
@@ -41,6 +41,8 @@ impl<'a> Film<'a> {
         let times = footage.shots.first().zip(footage.shots.last());
         let span_ms = times.map_or(0.0, |(first, last)| (last.time_s - first.time_s) * 1e3);
         let decimals = -(span_ms / footage.shots.len() as f64).log10().floor();
+        let (unit, per_s, decimals) =
+            if decimals > 9.0 { ("ns", 1e9, decimals - 6.0) } else { ("ms", 1e3, decimals) };
         Self {
             manifest,
             footage,
@@ -48,7 +50,7 @@ impl<'a> Film<'a> {
             energy: prefix(totals.fold(0.0, f64::max)),
             energies,
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
-            decimals: decimals.clamp(0.0, 9.0) as usize,
+            time: (unit, per_s, decimals.clamp(0.0, 9.0) as usize),
         }
     }
 
@@ -96,7 +98,8 @@ impl<'a> Film<'a> {
         let factor = self.profile.1;
         let points =
             shot.profile.iter().map(|(place, value)| (f64::from(*place), f64::from(*value) * factor));
-        let title = format!("t = {time_ms:.*}\u{a0}ms", self.decimals);
+        let (unit, per_s, decimals) = self.time;
+        let title = format!("t = {:.decimals$}\u{a0}{unit}", shot.time_s * per_s);
         let column = |name| EnergyRow::COLUMNS.iter().zip(shot.energies).find(|(column, _)| **column == name);
         let energies = self.energies.iter().fold(Panel::new().vertical("", time_ms), |panel, (_, name)| {
             let energy_j = column(*name).map(|(_, energy_j)| energy_j);

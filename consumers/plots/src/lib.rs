@@ -43,30 +43,36 @@ fn energy_curve<'a>(
 pub fn caption(manifest: &RunManifest) -> String {
     let physics = &manifest.physics;
     let dt = scientific(physics.dt_s);
-    let (name, phrases) = (&manifest.provenance.name, phrases(physics).join(", "));
+    let (name, phrases) = (&manifest.provenance.name, phrases(physics, SHOWN).join(", "));
     format!("{name}: {phrases}; {}, dt = {dt}\u{a0}s", physics.method)
 }
 
-/// The parameters that all of several runs have in common, in the words of [`caption`].
+/// Decimals of numbers and of powers of ten in phrases: those that are shown, and all.
+const SHOWN: [usize; 2] = [5, 2];
+const ALL: [usize; 2] = [16, 16];
+
+/// The parameters that all of several runs have in common, to the last digit, in the words of [`caption`].
 pub fn common_caption<'a>(runs: impl IntoIterator<Item = &'a Physics>) -> String {
     let mut runs = runs.into_iter();
-    let mut common = runs.next().map(phrases).unwrap_or_default();
+    let both = |physics| phrases(physics, SHOWN).into_iter().zip(phrases(physics, ALL)).collect();
+    let mut common: Vec<_> = runs.next().map(both).unwrap_or_default();
     for physics in runs {
-        let own = phrases(physics);
-        common.retain(|phrase| own.contains(phrase));
+        let own = phrases(physics, ALL);
+        common.retain(|(_, phrase)| own.contains(phrase));
     }
-    common.join(", ")
+    common.into_iter().map(|(phrase, _)| phrase).collect::<Vec<_>>().join(", ")
 }
 
 /// The parts of a run, a phrase for each parameter.
-fn phrases(physics: &Physics) -> Vec<String> {
+fn phrases(physics: &Physics, [decimals, of_powers]: [usize; 2]) -> Vec<String> {
+    let short = |value: f64| fitting(value, decimals);
     let mut phrases = vec![format!("N = {}", physics.beads)];
     // beside spheres and bonds they are those of the scales, and decide nothing in the chain
     let of_spheres = physics.spheres.is_some();
     phrases.extend((!of_spheres).then(|| format!("m = {}\u{a0}g", short(physics.bead_mass_kg * 1e3))));
     if physics.bonds.is_none() {
         phrases.push(format!("α = {}", short(physics.alpha)));
-        let stiffness = || format!("k = {}\u{a0}N\u{a0}m^{{−α}}", scientific(physics.stiffness));
+        let stiffness = || format!("k = {}\u{a0}N\u{a0}m^{{−α}}", powered(physics.stiffness, of_powers));
         phrases.extend((!of_spheres).then(stiffness));
     }
     let impurities = physics.impurities.iter().take(4);
@@ -90,7 +96,16 @@ fn phrases(physics: &Physics) -> Vec<String> {
 
 /// A number in at most six digits.
 fn short(value: f64) -> String {
-    let rounded = format!("{value:.5e}").parse::<f64>().unwrap_or(value);
+    fitting(value, SHOWN[0])
+}
+
+/// A number in one digit and at most `decimals` others, as a power of ten where zeros would make it long.
+fn fitting(value: f64, decimals: usize) -> String {
+    let size = value.abs();
+    if size > 0.0 && size < 1e-4 || (1e6..f64::INFINITY).contains(&size) {
+        return powered(value, decimals).replace('-', "−");
+    }
+    let rounded = format!("{value:.decimals$e}").parse::<f64>().unwrap_or(value);
     format!("{rounded}").replace('-', "−")
 }
 
@@ -127,7 +142,12 @@ fn quantity(value: f64, unit: &str) -> String {
 
 /// A number as `1.45×10^{−6}`.
 fn scientific(value: f64) -> String {
-    let text = format!("{value:.2e}");
+    powered(value, SHOWN[1])
+}
+
+/// The same with at most so many `decimals`.
+fn powered(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$e}");
     let (digits, exponent) = text.split_once('e').unwrap_or((&text, "0"));
     let digits =
         if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
@@ -325,6 +345,19 @@ mod tests {
             "light-impurity: N = 1000, m = 1 g, α = 1.5, k = 10^{7} N m^{−α}, bead 500: 0.6 g, \
              v_{0} = 5 m/s on bead 0; rkn4, dt = 1.45×10^{−6} s"
         );
+    }
+
+    #[test]
+    fn numbers_are_short_and_none_is_lost() {
+        let numbers = [0.0, 0.6, 1_234.567_89, 1e-4, 999_999.0, 1e-27, -5e18];
+        let expected = ["0", "0.6", "1234.57", "0.0001", "999999", "10^{−27}", "−5×10^{18}"];
+        assert_eq!(numbers.map(short), expected);
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let one = RunManifest::new(&PRESETS[0].config(), "run", origin).expect("valid").physics;
+        let mut other = one.clone();
+        assert!(common_caption([&one, &other]).contains("v_{0} = 5\u{a0}m/s on bead 0"));
+        other.striker.velocity_m_s += 1e-10;
+        assert!(!common_caption([&one, &other]).contains("v_{0}"), "they differ");
     }
 
     /// Bonds have laws of their own: the contact law is not that of the chain.

@@ -12,7 +12,7 @@ use waves::place::{Place, Quantity};
 use waves::welch::Transmission;
 
 /// Most peaks that are marked: more would hide the curves.
-const MOST_PEAKS: usize = 60;
+const MOST_PEAKS: u64 = 60;
 
 /// Colours of places that stand in two panels.
 const COLOURS: [Colour; 6] =
@@ -392,8 +392,10 @@ pub struct SensedForces<'a> {
     pub curve: &'a Series<2>,
     /// The force at rest (N).
     pub rest_n: f64,
-    /// The peaks.
+    /// Its first peaks.
     pub peaks: &'a [Peak],
+    /// Number of all.
+    pub peak_count: u64,
 }
 
 /// Forces over time with their peaks, and the overlaps of contacts and walls below.
@@ -418,7 +420,7 @@ pub fn forces(manifest: &RunManifest, sensors: &[SensedForces<'_>]) -> Figure {
             overlap = overlap.curve(Curve::line("", overlaps).colour(colour));
         }
     }
-    let count: usize = sensors.iter().map(|sensor| sensor.peaks.len()).sum();
+    let count: u64 = sensors.iter().map(|sensor| sensor.peak_count).sum();
     if count > MOST_PEAKS {
         force = force.note(format!("{count} peaks"));
     } else {

@@ -43,8 +43,10 @@ pub fn draw(buffer: &mut Buffer, screen: &Screen, palette: Palette) {
     let is_high = area.height >= 18;
     let most = if area.height < 16 { 1 } else { usize::from(area.height / 6).min(8) };
     let runs = lines(1 + screen.runs.len().clamp(1, most));
+    let outcome = screen.watched.as_ref().and_then(Watched::outcome);
+    let is_driven = outcome.is_some_and(|outcome| outcome.is_driven);
     let energies = match area.height {
-        18.. => 8,
+        18.. => 8 + u16::from(is_driven),
         14.. => 4,
         _ => 3,
     };
@@ -159,46 +161,48 @@ fn draw_energies(buffer: &mut Buffer, area: Rect, watched: &Watched, palette: Pa
         return;
     };
     let last = &outcome.last;
-    let all_j = last.total_j + last.dissipated_j - last.driven_j;
+    let all_j = last.total_j + last.dissipated_j;
     let known = |energy_j: f64| Uncertain::new(energy_j, outcome.step_error_j());
     let (unit, one_j) = unit(all_j, "J");
     let total = (known(all_j) / one_j).value_text();
     let inner = titled(buffer, area, &format!("energies ({unit}), together {total}"));
     let bead = format!("bead {}", outcome.split_bead);
-    let parts = [
+    let mut parts = vec![
         ("kinetic", last.kinetic_j),
         ("potential", last.potential_j),
         ("left", last.left_j),
         ("right", last.right_j),
-        (&bead, last.split_j),
+        (bead.as_str(), last.split_j),
         ("dissipated", last.dissipated_j),
     ];
+    parts.extend(outcome.is_driven.then_some(("driven", last.driven_j)));
     let text = |energy_j: f64| (known(energy_j) / one_j).value_text();
     let drift = format!("{:.1e}", last.relative_drift);
     let width = usize::from(inner.width);
-    if inner.height < 7 {
+    if usize::from(inner.height) <= parts.len() {
         let column = width / 2;
-        let mut cells = parts.map(|(name, energy_j)| format!("{name} {}", text(energy_j)));
+        let mut cells: Vec<_> =
+            parts.iter().map(|(name, energy_j)| format!("{name} {}", text(*energy_j))).collect();
         // of a chain that dissipates nothing, the drift says more
         if last.dissipated_j == 0.0 {
             cells[5] = format!("drift {drift}");
         }
         for (row, pair) in (inner.y..inner.bottom()).zip(cells.chunks(2)) {
-            let line = format!("{:column$}{}", pair[0], pair[1]);
+            let line = format!("{:column$}{}", pair[0], pair.get(1).map_or("", String::as_str));
             buffer.set_stringn(inner.x + 1, row, line, width.saturating_sub(1), Style::new());
         }
         return;
     }
-    let numbers = parts.map(|(_, energy_j)| text(energy_j));
+    let numbers: Vec<_> = parts.iter().map(|(_, energy_j)| text(*energy_j)).collect();
     let widest = numbers.iter().map(|number| number.chars().count()).max().unwrap_or(0);
     let room = width.saturating_sub(widest + 15);
-    for (row, ((name, energy_j), number)) in (inner.y..).zip(parts.into_iter().zip(&numbers)) {
+    for (row, ((name, energy_j), number)) in (inner.y..).zip(parts.iter().zip(&numbers)) {
         let line = format!("{name:<10}  {number:>widest$}");
         let (x, _) = buffer.set_stringn(inner.x + 1, row, line, width.saturating_sub(1), Style::new());
         buffer.set_stringn(x + 1, row, bar(energy_j / all_j, room), room, Style::new().fg(palette.line()));
     }
-    let line = format!("{:<10}  {drift:>widest$}", "drift");
-    buffer.set_stringn(inner.x + 1, inner.y + 6, line, width.saturating_sub(1), Style::new());
+    let (row, line) = (inner.y + lines(parts.len()), format!("{:<10}  {drift:>widest$}", "drift"));
+    buffer.set_stringn(inner.x + 1, row, line, width.saturating_sub(1), Style::new());
 }
 
 /// A bar for a part of the whole, to an eighth of a cell.
@@ -337,6 +341,7 @@ fn draw_help(buffer: &mut Buffer, screen: &Screen) {
 mod tests {
     use super::*;
     use crate::Depth;
+    use schemas::config::RunConfig;
     use schemas::frame::{EndReason, Frame};
     use schemas::manifest::{Origin, RunManifest};
     use schemas::presets::PRESETS;
@@ -409,6 +414,36 @@ mod tests {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
         assert!(rows.iter().filter(|row| row.contains('▀')).count() >= 2, "{text}");
+    }
+
+    /// What came in from outside is part of the whole: energies = initial + driven.
+    #[test]
+    fn a_driven_chain_has_the_work_beside_all_of_its_energy() {
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let config = RunConfig::from_toml(
+            "[chain]\nbeads = 2\nbead_mass_kg = 2.0\nalpha = 1.5\nstiffness = 1.0\n\
+             [[bath]]\nbeads = '0..'\ntemperature_j = 1.0\nfriction_per_s = 1.0\n\
+             [time]\nduration_s = 1.0\ndt_s = 0.1",
+        );
+        let manifest = RunManifest::new(&config.expect("valid"), "run", origin).expect("valid");
+        let mut watched = Watched::new(&manifest);
+        for (step, v_m_s, extra) in [(0, [0.0; 2], [0.0; 2]), (1, [3.0, -1.0], [9.0, 1.0])] {
+            let time_s = manifest.physics.time_s(step);
+            let frame = Frame {
+                frame: step,
+                step,
+                time_s,
+                u_m: &[0.0; 2],
+                v_m_s: &v_m_s,
+                extra: &extra,
+                active: None,
+            };
+            watched.observe(&frame);
+        }
+        let text = rows(&Screen { watched: Some(watched), ..screen() }, 80, 24).join("\n");
+        for part in ["energies (J), together 10", "driven      10", "drift"] {
+            assert!(text.contains(part), "{part} is not in\n{text}");
+        }
     }
 
     #[test]

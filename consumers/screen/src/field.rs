@@ -8,9 +8,10 @@ use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 
 /// A quantity of each bead or contact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Field {
     /// Velocity of each bead (m/s).
+    #[default]
     Velocity,
     /// Displacement of each bead (m).
     Displacement,
@@ -36,11 +37,6 @@ impl Field {
             Self::Energy => "energy",
             Self::Contacts => "contacts",
         }
-    }
-
-    /// The field of this name.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|field| field.name() == name)
     }
 
     /// The one so many turns after this.

@@ -17,7 +17,7 @@ pub use field::Field;
 pub use watched::Watched;
 
 /// Everything that is shown.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Screen {
     /// The runs.
     pub runs: Vec<RunLine>,

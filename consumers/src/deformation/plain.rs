@@ -53,7 +53,7 @@ impl Plain {
             (self.is_lossless && chain.damping.is_some(), "contacts dissipate"),
             (
                 !contacts.clone().all(|contact| is_one_power(chain, contact)),
-                "contacts have more than one power of the overlap, or springs hold the beads",
+                "contacts do not follow `chain.alpha` alone, or springs hold the beads",
             ),
             (contacts.clone().any(|contact| chain.rest_m(contact) != 0.0), "contacts have gaps"),
             (acts(&chain.sites.resonator_kg), "beads have resonators"),

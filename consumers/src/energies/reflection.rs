@@ -4,7 +4,7 @@
 //! # Criteria
 //!
 //! The striker's side of the split bead is the *incident* side. The energy there changes only through the contact with
-//! the split bead, which takes energy that moves towards it. So the **inbound energy** decides: the energy of the split
+//! the split bead, which takes energy that moves towards it, if the striker alone has energy at first. So the **inbound energy** decides: the energy of the split
 //! bead, of all beads of the incident side that move towards it, and of the contacts between them whose two beads do so
 //! on average. Pulses that run away from the split bead do not count; a bead that will hit it in a long while counts.
 //!
@@ -91,6 +91,8 @@ pub enum Undefined {
     StrikerRests,
     /// The striker moves away from the split bead.
     StrikerMovesAway,
+    /// Something beside the striker has energy at first, which nothing needs to reflect.
+    OthersMove,
     /// Contacts are compressed before anything moves: energy is everywhere.
     Loaded,
     /// Contacts dissipate: the energy of a side falls wherever anything moves.
@@ -106,6 +108,7 @@ impl fmt::Display for Undefined {
             Self::SplitIsEnd => "not defined: the split bead is an end of the chain",
             Self::StrikerRests => "not defined: the striker does not move",
             Self::StrikerMovesAway => "not defined: the striker moves away from the split bead",
+            Self::OthersMove => "not defined: more than one striker moves, or more is pressed, at the beginning",
             Self::Loaded => "not defined: the chain is loaded, there is energy everywhere",
             Self::Damped => "not defined: contacts dissipate, the energy of a side never rests",
             Self::Exchanged => {
@@ -277,14 +280,14 @@ pub(super) struct ReflectionWatch {
 pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<Side, Undefined> {
     let physics = &manifest.physics;
     let (striker, velocity_m_s) = (physics.striker.bead, physics.striker.velocity_m_s);
+    if velocity_m_s == 0.0 {
+        return Err(Undefined::StrikerRests);
+    }
     if striker == split_bead {
         return Err(Undefined::SplitIsStriker);
     }
     if split_bead == 0 || split_bead + 1 >= physics.beads {
         return Err(Undefined::SplitIsEnd);
-    }
-    if velocity_m_s == 0.0 {
-        return Err(Undefined::StrikerRests);
     }
     let chain = physics.chain();
     if chain.is_pressed() {
@@ -292,6 +295,11 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     }
     if chain.damping.is_some() {
         return Err(Undefined::Damped);
+    }
+    let mass_kg = usize::try_from(striker).ok().and_then(|bead| chain.mass_kg.get(bead));
+    let striker_j = mass_kg.map_or(0.0, |mass_kg| 0.5 * mass_kg * (velocity_m_s * velocity_m_s));
+    if (physics.initial_energy().total_j() - striker_j).abs() > EXCHANGED * striker_j {
+        return Err(Undefined::OthersMove);
     }
     match (striker < split_bead, velocity_m_s > 0.0) {
         (true, true) => Ok(Side::Left),
@@ -414,10 +422,11 @@ impl ReflectionWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use schemas::config::{RunConfig, StrikerConfig};
     use schemas::manifest::Origin;
     use schemas::presets::Preset;
 
-    fn manifest(change: impl FnOnce(&mut schemas::config::RunConfig)) -> RunManifest {
+    fn manifest(change: impl FnOnce(&mut RunConfig)) -> RunManifest {
         let mut config = Preset::find("homogeneous").expect("preset").config();
         change(&mut config);
         let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
@@ -564,5 +573,24 @@ mod tests {
         assert_eq!(of(100, 150, 5.0), Err(Undefined::StrikerMovesAway));
         assert_eq!(of(100, 100, 5.0), Err(Undefined::SplitIsStriker));
         assert_eq!(of(199, 0, 5.0), Err(Undefined::SplitIsEnd));
+    }
+
+    #[test]
+    fn nothing_but_one_striker_has_energy_at_first() {
+        let of = |change: fn(&mut RunConfig)| incident_side(&manifest(change), 100);
+        assert_eq!(of(|config| config.striker.bead = 50), Ok(Side::Left));
+        let other = StrikerConfig { bead: 199, velocity_m_s: -5.0 };
+        let two = manifest(|config| config.striker.more = vec![other]);
+        assert_eq!(incident_side(&two, 100), Err(Undefined::OthersMove));
+        assert_eq!(of(|config| config.initial.velocities_m_s = vec![-3.0; 200]), Err(Undefined::OthersMove));
+        let unstruck = |config: &mut RunConfig| {
+            (config.striker.bead, config.striker.velocity_m_s) = (100, 0.0);
+            config.initial.velocities_m_s = vec![1.0; 200];
+        };
+        assert_eq!(of(unstruck), Err(Undefined::StrikerRests));
+        let pressed = |config: &mut RunConfig| {
+            config.initial.displacements_m = (0..200).map(|bead| -1e-5 * f64::from(bead)).collect();
+        };
+        assert_eq!(of(pressed), Err(Undefined::OthersMove));
     }
 }

@@ -93,6 +93,12 @@ impl Edges {
         (front > 0.0 && rear > 0.0).then_some([front, rear])
     }
 
+    /// Their beads, the lower one first.
+    pub(super) fn beads(&self) -> [i64; 2] {
+        let (front, rear) = (self.front.bead, self.rear.bead);
+        [front.min(rear), front.max(rear)]
+    }
+
     /// True if `bead` lies between the edges.
     pub(super) fn enclose(&self, bead: i64) -> bool {
         (self.front.bead - bead) * self.ahead >= 0 && (bead - self.rear.bead) * self.ahead >= 0

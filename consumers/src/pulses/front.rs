@@ -22,20 +22,23 @@ pub(super) struct Front {
     /// Nothing is known of what has moved before.
     is_first: bool,
     arrivals: Vec<usize>,
-    alone: [Option<Alone>; 2],
+    alone: Vec<Alone>,
     found: Vec<Unfollowed>,
 }
 
-/// Beads that a front passed with no pulse behind it.
+/// Beads that one front passed with no pulse behind it.
 #[derive(Debug, Clone, Copy)]
 struct Alone {
+    direction: Direction,
     beads: [usize; 2],
+    /// Beads from the first of them to the last.
+    length: usize,
     times_s: [f64; 2],
     v_peak_m_s: f64,
 }
 
 impl Front {
-    /// Beads in a row without a pulse that matter: the first crests of a pulse are not one yet.
+    /// Beads in a row without a pulse that matter: the first crests of a pulse are not one yet. What is farther ahead is another front.
     const LONGEST: usize = SHORTEST + 10;
 
     pub(super) fn new(bead_count: usize, threshold_m_s: f64) -> Self {
@@ -44,7 +47,7 @@ impl Front {
             reached: vec![false; bead_count],
             is_first: true,
             arrivals: Vec::new(),
-            alone: [None; 2],
+            alone: Vec::new(),
             found: Vec::new(),
         }
     }
@@ -99,20 +102,29 @@ impl Front {
         let v_peak_m_s = fastest(&v_m_s[part]);
         // near and no mere ripple, or so much stronger that all of this is its forerunner
         let leads = |track: &Track| {
-            let beads = (signed(bead as u64) - track.head().bead) * direction.sign();
+            let beads = around.way(track.head().bead, signed(bead as u64), direction);
             let over = track.mean_crest_m_s() / v_peak_m_s.abs();
             let is_it =
                 if beads.unsigned_abs() <= behind as u64 { over > RIPPLE } else { over * MATTERS > 1.0 };
             track.number > 0 && track.ahead == direction.sign() && is_it
         };
-        let slot = &mut self.alone[usize::from(direction == Direction::Backward)];
+        let behind_it = |(i, alone): (usize, &Alone)| {
+            let way = around.way(signed(alone.beads[1] as u64), signed(bead as u64), direction);
+            let way = usize::try_from(way).ok().filter(|way| (1..=Self::LONGEST).contains(way))?;
+            (alone.direction == direction).then_some((way, i))
+        };
+        let nearest = self.alone.iter().enumerate().filter_map(behind_it).min();
+        let before = nearest.map(|(way, i)| (way, self.alone.swap_remove(i)));
         if tracks.iter().any(leads) {
-            self.found.extend(slot.take().and_then(|alone| alone.unfollowed()));
+            self.found.extend(before.and_then(|(_, alone)| alone.unfollowed()));
             return;
         }
-        let alone = slot.get_or_insert(Alone { beads: [bead; 2], times_s: [time_s; 2], v_peak_m_s });
+        let first = Alone { direction, beads: [bead; 2], length: 0, times_s: [time_s; 2], v_peak_m_s };
+        let (way, mut alone) = before.unwrap_or((0, first));
         (alone.beads[1], alone.times_s[1]) = (bead, time_s);
+        alone.length += way;
         alone.v_peak_m_s = fastest(&[alone.v_peak_m_s, v_peak_m_s]);
+        self.alone.push(alone);
     }
 
     /// Frames are missing: where the front has come to meanwhile is not known.
@@ -128,17 +140,15 @@ impl Front {
     }
 
     fn end(&mut self) {
-        let ended = self.alone.iter_mut().filter_map(Option::take);
-        self.found.extend(ended.filter_map(|alone| alone.unfollowed()));
+        self.found.extend(self.alone.drain(..).filter_map(|alone| alone.unfollowed()));
     }
 }
 
 impl Alone {
     fn unfollowed(&self) -> Option<Unfollowed> {
-        let Self { beads, times_s, v_peak_m_s } = *self;
-        let long = beads[0].abs_diff(beads[1]) >= Front::LONGEST;
+        let Self { beads, times_s, v_peak_m_s, length, .. } = *self;
         let beads = beads.map(|bead| bead as u64);
-        long.then_some(Unfollowed { beads, times_s, v_peak_m_s, leads: true })
+        (length >= Front::LONGEST).then_some(Unfollowed { beads, times_s, v_peak_m_s, leads: true })
     }
 }
 
@@ -148,6 +158,13 @@ fn fastest(v_m_s: &[f64]) -> f64 {
 }
 
 impl Surroundings {
+    /// Beads from `from` to `to` in the `direction`, negative if `to` is behind; in a ring the shorter way round.
+    fn way(&self, from: i64, to: i64, direction: Direction) -> i64 {
+        let way = (to - from) * direction.sign();
+        let beads = signed(self.chain.bead_count() as u64);
+        if self.chain.is_ring { (way + beads / 2).rem_euclid(beads) - beads / 2 } else { way }
+    }
+
     /// Largest distance (beads) behind the front at `bead` of the crest of the pulse that leads it. Without a solitary
     /// wave a front gets wider with the cube root of its way.
     fn behind_front(&self, bead: usize) -> usize {

@@ -23,12 +23,12 @@ impl Lead {
         }
     }
 
-    /// The track that leads in its direction and can go on to a crest of `crest_m_s` at a bead and a time (s), if there is
+    /// The one of the numbered `tracks` that leads in its direction and can go on to a crest of `crest_m_s` at a bead and a time (s), if there is
     /// one: a pulse rather than a track that may become one, and the nearest.
-    pub(super) fn find(
+    pub(super) fn find<'a>(
         &self,
         around: &Surroundings,
-        tracks: &[Track],
+        tracks: impl Iterator<Item = (usize, &'a Track)>,
         at: (i64, f64),
         crest_m_s: f64,
     ) -> Option<usize> {
@@ -40,9 +40,9 @@ impl Lead {
                 && track.sign == crest_m_s.signum()
                 && !around.obstacles.between(track.head().bead, at.0)
         };
-        let tracks = tracks.iter().enumerate().filter(|(_, track)| leads(track));
-        let fits =
-            tracks.filter_map(|(i, track)| Some((track.number == 0, track.leads_to(at, crest_m_s)?, i)));
+        let fits = tracks
+            .filter(|(_, track)| leads(track))
+            .filter_map(|(i, track)| Some((track.number == 0, track.leads_to(at, crest_m_s)?, i)));
         fits.min().map(|(.., i)| i)
     }
 }

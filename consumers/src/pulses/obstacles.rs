@@ -48,7 +48,8 @@ impl Obstacles {
             let before = |limit: usize| changes.partition_point(|change| *change < limit);
             before(bead + AROUND + 1) - before(bead.saturating_sub(AROUND)) <= MOST_CHANGES
         };
-        let stiffnesses: Vec<f64> = (0..chain.contact_count()).map(|contact| chain.own_stiffness(contact)).collect();
+        let stiffnesses: Vec<f64> =
+            (0..chain.contact_count()).map(|contact| chain.own_stiffness(contact)).collect();
         let odd = odd_contacts(&stiffnesses, even);
         let is_odd = |bead: usize| odd.contains(&bead) || bead > 0 && odd.contains(&(bead - 1));
         let found = (0..m.len()).filter(|bead| is_obstacle(*bead) && is_alone(*bead) || is_odd(*bead));

@@ -7,6 +7,9 @@ use std::collections::VecDeque;
 /// Beads before and behind a point between which the speed there is measured.
 pub(super) const REACH: usize = 5;
 
+/// Beads that a leading pulse may skip: no crest of it is lost for longer.
+pub(super) const FAR: i64 = 12;
+
 /// The shape of a pulse, from the times at which its edges pass the beads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
@@ -119,6 +122,12 @@ impl Track {
         self.recent.back().unwrap_or(&self.first)
     }
 
+    /// Beads from the first to the last one that it remembers.
+    pub(super) fn length_beads(&self) -> i64 {
+        let head = self.head().bead;
+        self.recent.front().map_or(0, |first| (head - first.bead).abs())
+    }
+
     pub(super) fn direction(&self) -> Direction {
         if self.ahead < 0 { Direction::Backward } else { Direction::Forward }
     }
@@ -207,8 +216,6 @@ impl Track {
     /// Distance (beads) to a crest at `bead` at `time_s`, of the height `crest_m_s`, if this track goes on with it
     /// where nothing else has been before: the track leads, so that a crest so far ahead can only be its own.
     pub(super) fn leads_to(&self, (bead, time_s): (i64, f64), crest_m_s: f64) -> Option<i64> {
-        /// Beads that may be skipped: no crest of a leading pulse is lost for longer.
-        const FAR: i64 = 12;
         /// A crest lower than this part of those before is one of a forerunner.
         const LEAST: f64 = 0.35;
         let head = self.head();

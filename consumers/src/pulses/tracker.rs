@@ -4,11 +4,12 @@ use super::control::Control;
 use super::crest::{Crest, ENOUGH_FRAMES, FEWEST_FRAMES};
 use super::edges::Edges;
 use super::found::{Counts, Happening, UnderWay, Unfollowed};
+use super::heads::Heads;
 use super::lead::Lead;
 use super::passing;
 use super::sight::Sight;
 use super::surroundings::Surroundings;
-use super::track::{Passed, REACH, Shape, Track};
+use super::track::{FAR, Passed, REACH, Shape, Track};
 use super::{Birth, Fate, Pulse, nearest, signed};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -25,6 +26,9 @@ pub struct Pulses {
     crests: Vec<(usize, Crest)>,
     own_crests: Vec<(usize, Crest)>,
     tracks: Vec<Track>,
+    heads: Heads,
+    /// Indices of the tracks near a crest, in their order.
+    near: Vec<usize>,
     happenings: Vec<Happening>,
     /// None where only a part of the chain is looked at.
     control: Option<Control>,
@@ -67,6 +71,8 @@ impl Pulses {
             crests: Vec::new(),
             own_crests: Vec::new(),
             tracks: Vec::new(),
+            heads: Heads::default(),
+            near: Vec::new(),
             happenings: Vec::new(),
             control: None,
             unfollowed: Vec::new(),
@@ -138,8 +144,9 @@ impl Pulses {
             control.observe(&self.around, frame, &self.sight.history, &self.tracks);
         }
         if self.sight.history.is_full() {
-            self.hear_rattles();
             self.find_crests(frame);
+            self.find_positions();
+            self.hear_rattles();
             for track in &mut self.tracks {
                 let head = track.head().bead;
                 if let Some(edges) = &mut track.edges {
@@ -174,6 +181,8 @@ impl Pulses {
     pub fn finish(&mut self) -> &[Happening] {
         self.happenings.clear();
         self.tracks.sort_by_key(|track| track.number);
+        self.heads.renumber(&self.tracks);
+        self.find_positions();
         self.close(true);
         self.explain();
         if let Some(control) = &mut self.control {
@@ -220,7 +229,9 @@ impl Pulses {
         for (bead, crest) in &self.own_crests {
             let bead = signed(*bead as u64);
             let around_m_s = self.sight.history.at(2, bead).unwrap_or_default();
-            self.tracks.iter_mut().for_each(|track| track.rattle(bead, crest.v_m_s, around_m_s));
+            for i in self.heads.around(bead..=bead) {
+                self.tracks[i].rattle(bead, crest.v_m_s, around_m_s);
+            }
         }
     }
 
@@ -236,6 +247,14 @@ impl Pulses {
         crests.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
     }
 
+    /// Makes it known where the tracks are at the times of the crests and of the middle frame.
+    fn find_positions(&mut self) {
+        let now_s = self.sight.history.time_s(2);
+        let time_s = |crest: Option<&(usize, Crest)>| crest.map_or(now_s, |(_, crest)| crest.time_s);
+        let times_s = [now_s.min(time_s(self.crests.first())), now_s.max(time_s(self.crests.last()))];
+        self.heads.look(&self.tracks, times_s);
+    }
+
     /// Adds a crest to the track that it fits best, or begins one.
     fn follow(&mut self, frame: &Frame<'_>, bead: i64, crest: &Crest) {
         let longest_s = self.around.longest_step_s(bead, crest.v_m_s);
@@ -246,20 +265,29 @@ impl Pulses {
         } else {
             -1
         };
-        let fits = self.tracks.iter().enumerate().filter_map(|(i, track)| {
+        let coast = self.around.coast(bead);
+        let fits = self.heads.at(bead - coast..=bead + coast).filter_map(|i| {
+            let track = &self.tracks[i];
             let same = track.sign == crest.v_m_s.signum();
             let free = same && !self.around.obstacles.between(track.head().bead, bead);
-            let fit = || track.fit_beads((bead, crest.time_s), self.around.coast(bead), longest_s);
+            let fit = || track.fit_beads((bead, crest.time_s), coast, longest_s);
             free.then(fit).flatten().map(|fit| (i, fit))
         });
-        let best = fits.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i);
+        // of tracks that it fits alike the one that began first
+        let best = fits.min_by(|(i, a), (j, b)| a.total_cmp(b).then(i.cmp(j))).map(|(i, _)| i);
         let (time_s, crest_m_s) = (crest.time_s, crest.v_m_s);
         let mut passed = self.passed(frame, bead, crest);
         let best = match best.filter(|i| self.tracks[*i].number > 0) {
             None if self.around.texture.is_some() => {
-                let leading = self.lead.find(&self.around, &self.tracks, (bead, crest.time_s), crest_m_s);
-                if leading.is_none() && self.tracks.iter_mut().any(|track| track.pass_late(passed)) {
-                    return;
+                let near = self.heads.at(bead - FAR..=bead + FAR).map(|i| (i, &self.tracks[i]));
+                let leading = self.lead.find(&self.around, near, (bead, crest.time_s), crest_m_s);
+                if leading.is_none() {
+                    self.near.clear();
+                    self.near.extend(self.heads.around(bead..=bead));
+                    self.near.sort_unstable();
+                    if self.near.iter().any(|i| self.tracks[*i].pass_late(passed)) {
+                        return;
+                    }
                 }
                 leading.or(best)
             }
@@ -267,7 +295,9 @@ impl Pulses {
         };
         let Some(i) = best else {
             let birth = self.birth((bead, ahead), crest);
-            self.tracks.push(Track::new(passed, ahead, birth));
+            let track = Track::new(passed, ahead, birth);
+            self.heads.add(self.tracks.len(), &track);
+            self.tracks.push(track);
             return;
         };
         let several = self.encloses_another(i, time_s);
@@ -275,6 +305,7 @@ impl Pulses {
         passed.free = self.around.is_free(frame, &self.tracks[i], bead, crest_m_s);
         let uneven = self.around.is_uneven(usize::try_from(bead).unwrap_or_default());
         let track = &mut self.tracks[i];
+        self.heads.remove(i, track);
         track.pass(passed);
         // from a light bead to a heavy one the crest changes more than from one heavy bead to the next
         let crest_m_s = if uneven { track.mean_crest_m_s() } else { crest_m_s };
@@ -282,6 +313,7 @@ impl Pulses {
             self.counts.pulses += 1;
             track.number = self.counts.pulses;
         }
+        self.heads.add(i, track);
         if track.number > 0 {
             self.lead.goes_on(track);
             let way = (track.sign, track.ahead);
@@ -325,8 +357,11 @@ impl Pulses {
     /// True if the crest of another pulse lies between the edges of a track.
     fn encloses_another(&self, track: usize, time_s: f64) -> bool {
         let Some(edges) = self.tracks[track].edges else { return false };
-        let mut others = self.tracks.iter().enumerate().filter(|(i, other)| *i != track && other.number > 0);
-        others.any(|(_, other)| edges.enclose(nearest(other.position_beads(time_s))))
+        let [low, high] = edges.beads();
+        let others = self.heads.around(low..=high).filter(|i| *i != track).map(|i| &self.tracks[i]);
+        others
+            .filter(|other| other.number > 0)
+            .any(|other| edges.enclose(nearest(other.position_beads(time_s))))
     }
 
     /// The origin of a crest that begins a track at `bead`, in the direction `ahead`, or 0 where that is not known.
@@ -339,7 +374,8 @@ impl Pulses {
             track.number > 0 && (track.position_beads(crest.time_s) - bead as f64).abs() <= near as f64
         };
         let opposite = |track: &Track| track.sign != crest.v_m_s.signum();
-        let neighbour = self.tracks.iter().filter(close).map(opposite).max();
+        let around_it = self.heads.around(bead - near..=bead + near).map(|i| &self.tracks[i]);
+        let neighbour = around_it.filter(close).map(opposite).max();
         let resumed = self.resumed.is_some_and(|(since_s, moving)| {
             moving && crest.time_s - since_s < around.longest_step_s(bead, crest.v_m_s)
         });
@@ -377,31 +413,38 @@ impl Pulses {
         self.control.as_ref().is_none_or(|control| control.largest_m_s(bead) >= REACHED * v_m_s.abs())
     }
 
-    /// True where a pulse has come within `near` beads of the left, and of the right end, on its way there.
+    /// True where a pulse has come within `near` beads of the left, and of the right end, on its way there. In a ring what runs into one
+    /// end comes back at the other.
     fn come_back(&self, near: i64) -> [bool; 2] {
-        [(0, -1), (1, 1)].map(|(side, ahead)| {
+        let ends = if self.around.chain.is_ring { [(1, 1), (0, -1)] } else { [(0, -1), (1, 1)] };
+        ends.map(|(side, ahead)| {
             let arrives = |track: &Track| {
                 let (distance, is_obstacle) = self.around.obstacles.ahead(track.head().bead, ahead);
                 track.number > 0 && track.ahead == ahead && !is_obstacle && distance <= near
             };
-            self.met_ends[side] || self.tracks.iter().any(arrives)
+            let last = signed(self.around.chain.bead_count() as u64) - 1;
+            let beads = if ahead < 0 { 0..=near } else { last - near..=last };
+            self.met_ends[side] || self.heads.at(beads).any(|i| arrives(&self.tracks[i]))
         })
     }
 
     /// Ends the tracks that have not gone on for too long; with `all` every one.
     fn close(&mut self, all: bool) {
         let now_s = self.sight.history.time_s(2);
-        let mut i = 0;
-        while i < self.tracks.len() {
-            if all || self.is_lost(&self.tracks[i], now_s) {
-                let track = self.tracks.remove(i);
-                if track.number > 0 {
-                    self.end(track, now_s, all);
-                }
-            } else {
-                i += 1;
+        let is_lost = |track: &Track| all || self.is_lost(track, now_s);
+        if !self.tracks.iter().any(is_lost) {
+            return;
+        }
+        let lost: Vec<bool> = self.tracks.iter().map(is_lost).collect();
+        for i in (0..lost.len()).filter(|i| lost[*i]) {
+            self.heads.remove(i, &self.tracks[i]);
+            if self.tracks[i].number > 0 {
+                self.end(self.tracks[i].clone(), now_s, all);
             }
         }
+        let mut lost = lost.into_iter();
+        self.tracks.retain(|_| lost.next() != Some(true));
+        self.heads.renumber(&self.tracks);
     }
 
     fn is_lost(&self, track: &Track, now_s: f64) -> bool {
@@ -445,18 +488,20 @@ impl Pulses {
         let wide = track.head().shape.map_or(0, |shape| nearest(shape.fwhm_beads));
         let near = self.around.reach.near + wide;
         let (distance, is_obstacle) = self.around.obstacles.ahead(track.head().bead, track.ahead);
+        let place = track.position_beads(now_s);
         let merged = |other: &Track| {
-            let apart = (other.position_beads(now_s) - track.position_beads(now_s)).abs();
+            let apart = (other.position_beads(now_s) - place).abs();
             other.number > 0 && other.ahead == track.ahead && apart <= (2 * near) as f64
         };
         // what is merely out of sight for a moment when the frames end is under way
-        let out_of_sight = (track.position_beads(now_s) - track.head().bead as f64).abs() > 2.0;
+        let out_of_sight = (place - track.head().bead as f64).abs() > 2.0;
+        let beads = nearest(place).saturating_sub(2 * near)..=nearest(place).saturating_add(2 * near);
         match (distance <= near, is_obstacle) {
             _ if at_last && !(out_of_sight && distance <= near) => Fate::UnderWay,
             (true, true) => Fate::Impurity,
             (true, false) => self.around.origins.fate_at(track.ahead),
             _ if track.gap => Fate::Gap,
-            _ if self.tracks.iter().any(merged) => Fate::Merged,
+            _ if self.heads.around(beads).any(|i| merged(&self.tracks[i])) => Fate::Merged,
             _ => Fate::Faded,
         }
     }

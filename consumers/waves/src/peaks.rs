@@ -33,7 +33,6 @@ pub struct Peaks {
     /// Peaks whose time above the threshold is not known yet.
     open: Vec<Peak>,
     found: Vec<Peak>,
-    count: u64,
 }
 
 #[derive(Debug, Clone)]
@@ -45,8 +44,8 @@ enum State {
 }
 
 impl Peaks {
-    /// Peaks that are kept; more are counted.
-    pub const MOST: usize = 10_000;
+    /// Peaks that wait for the time above the threshold around them; if there are more, they have none.
+    const MOST: usize = 10_000;
     /// Samples of a rise that are kept; of more each second one, again and again.
     const RISE: usize = 4096;
 
@@ -69,7 +68,6 @@ impl Peaks {
             is_above: false,
             open: Vec::new(),
             found: Vec::new(),
-            count: 0,
         }
     }
 
@@ -94,25 +92,20 @@ impl Peaks {
         self.before = self.last.replace(sample);
     }
 
-    /// Samples are missing: widths across the gap are not known.
+    /// Samples are missing, or there are no more: widths across the gap are not known.
     pub fn gap(&mut self) {
-        self.end();
-        (self.last, self.before, self.is_above) = (None, None, false);
-        self.state = State::BEGUN;
-    }
-
-    /// The peaks so far, at most [`Peaks::MOST`], and how many there were.
-    pub fn finish(mut self) -> (Vec<Peak>, u64) {
-        self.end();
-        (self.found, self.count)
-    }
-
-    fn end(&mut self) {
         if let State::Peak { highest, around: [Some(before), Some(after)], rise, .. } = &self.state {
             let peak = peak_of([*before, *highest, *after], rise, None);
             self.open.push(peak);
         }
         self.close(None);
+        (self.last, self.before, self.is_above) = (None, None, false);
+        self.state = State::BEGUN;
+    }
+
+    /// The peaks since they were last taken, those alone that are wholly known.
+    pub fn take(&mut self) -> std::vec::Drain<'_, Peak> {
+        self.found.drain(..)
     }
 
     fn advance(&mut self, sample: Sample, now_above: bool) {
@@ -152,24 +145,18 @@ impl Peaks {
                 if let Some(before) = around[0] {
                     let fell = self.last.map(|last| (last, sample));
                     self.open.push(peak_of([before, *highest, after], rise, fell));
-                    if self.open.len() > Self::MOST {
-                        self.open.pop();
-                        self.count += 1;
-                    }
                 }
                 self.state = State::Low { least_n: force_n, rise: vec![sample] };
+                if self.open.len() > Self::MOST {
+                    self.close(None);
+                }
             }
         }
     }
 
     fn close(&mut self, fell_s: Option<f64>) {
         let above_s = fell_s.zip(self.rose_s.take()).map(|(fell_s, rose_s)| fell_s - rose_s);
-        for peak in self.open.drain(..) {
-            self.count += 1;
-            if self.found.len() < Self::MOST {
-                self.found.push(Peak { above_s, ..peak });
-            }
-        }
+        self.found.extend(self.open.drain(..).map(|peak| Peak { above_s, ..peak }));
     }
 }
 
@@ -228,7 +215,12 @@ mod tests {
     fn found(threshold_n: f64, force: impl Fn(f64) -> f64, count: u32) -> Vec<Peak> {
         let mut peaks = Peaks::new(threshold_n);
         (0..count).for_each(|i| peaks.push(f64::from(i) * 1e-3, force(f64::from(i) * 1e-3)));
-        peaks.finish().0
+        ended(peaks)
+    }
+
+    fn ended(mut peaks: Peaks) -> Vec<Peak> {
+        peaks.gap();
+        peaks.take().collect()
     }
 
     /// sin² has the width of half of its length at half of its height; samples are 1e-3 apart, and lines between them
@@ -270,7 +262,7 @@ mod tests {
         peaks.gap();
         peaks.push(5.0, 0.8);
         peaks.push(6.0, 0.0);
-        assert_eq!(peaks.finish(), (Vec::new(), 0));
+        assert_eq!(ended(peaks), []);
     }
 
     /// 2 − cos has valleys of 1 between peaks of 3: half is passed a sixth of a period from a valley, where the force has not doubled yet.
@@ -289,7 +281,7 @@ mod tests {
         let mut peaks = Peaks::new(0.1);
         let samples = [0.0, 1.0, 0.6, 0.9, 1.2, 2.3, 0.2];
         samples.iter().zip(0_i32..).for_each(|(force_n, time)| peaks.push(f64::from(time), *force_n));
-        let (peaks, _) = peaks.finish();
+        let peaks = ended(peaks);
         let [peak] = peaks[..] else { panic!("{peaks:?}") };
         let half_n = 0.5 * peak.force_n;
         assert!((0.9..1.2).contains(&half_n), "{peak:?}");

@@ -34,21 +34,19 @@ pub struct Transmission {
 pub struct DensitySummary {
     /// Its integral.
     pub mean_square: f64,
-    /// The frequency (Hz) of its largest value.
-    pub peak_hz: f64,
-    /// Its largest value.
-    pub peak: f64,
+    /// The frequency (Hz) of its largest value, and that; none where all are 0.
+    pub peak: Option<[f64; 2]>,
 }
 
 impl DensitySummary {
     /// Makes one for a density at evenly spaced frequencies from 0. The peak leaves out frequency 0.
     pub fn of(frequencies_hz: &[f64], density: &[f64]) -> Self {
         let step_hz = frequencies_hz.get(1).copied().unwrap_or(0.0);
-        let highest = (1..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap_or(0);
+        let highest = (1..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b]));
+        let highest = highest.filter(|line| density[*line] > 0.0);
         Self {
             mean_square: density.iter().sum::<f64>() * step_hz,
-            peak_hz: frequencies_hz[highest],
-            peak: density[highest],
+            peak: highest.map(|line| [frequencies_hz[line], density[line]]),
         }
     }
 }
@@ -182,6 +180,9 @@ mod tests {
         // all of it in three lines of the Hann window
         let around: f64 = density[39..=41].iter().sum::<f64>() * rate_hz / length as f64;
         assert!((around - 4.5).abs() < 1e-12 && (welch.frequencies_hz(rate_hz)[40] - 160.0).abs() < 1e-12);
+        let peak = |density: &[f64]| DensitySummary::of(&welch.frequencies_hz(rate_hz), density).peak;
+        assert_eq!(peak(&density), Some([160.0, density[40]]));
+        assert_eq!(peak(&vec![0.0; density.len()]), None);
     }
 
     /// Half of the signal, a quarter of a period later: |H| = ½ and the phase −π/2, coherent.

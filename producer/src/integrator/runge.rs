@@ -16,7 +16,7 @@ use crate::tangents::Tangents;
 use schemas::chain::Chain;
 use schemas::manifest::Physics;
 use schemas::rows::Rows;
-use schemas::simd::vectorized;
+use schemas::simd::{cut, vectorized};
 use std::ops::Range;
 
 /// Evaluations of forces in a step.
@@ -261,9 +261,42 @@ impl Runge {
                 };
             }
         }
-        for i in beads.clone() {
-            dv[i] *= inverse_mass[i];
-        }
+        vectorized(
+            self.kernel.arch(),
+            #[inline(always)]
+            || {
+                let (part, count) = (beads.clone(), beads.len());
+                let dv = &mut dv[part.clone()][..count];
+                let [inverse_mass] = cut([&inverse_mass[part.clone()]], count);
+                for i in 0..count {
+                    dv[i] *= inverse_mass[i];
+                }
+                if sites.has_resonators() {
+                    dw[part.clone()].copy_from_slice(&w_m_s[part.clone()]);
+                    let dw_v = &mut dw_v[part.clone()][..count];
+                    let springs = [&sites.resonator_kg, &sites.resonator_n_per_m, &u_m[..], &w_m[..]];
+                    let [m, k, u, w] = cut(springs.map(|all| &all[part.clone()]), count);
+                    for i in 0..count {
+                        let pulled = (1.0 / m[i]) * -(k[i] * (w[i] - u[i]));
+                        dw_v[i] = if m[i] > 0.0 { pulled } else { 0.0 };
+                    }
+                }
+                if self.rows.work {
+                    let dwork = &mut dwork[part.clone()][..count];
+                    let [power_w, v] = cut([&self.power_w[part.clone()], &v_m_s[part.clone()]], count);
+                    for i in 0..count {
+                        // −0 becomes 0
+                        dwork[i] = power_w[i] + 0.0;
+                    }
+                    if sites.has_drag() {
+                        let [drag] = cut([&sites.drag_n_s_per_m[part]], count);
+                        for i in 0..count {
+                            dwork[i] = power_w[i] + drag[i] * (v[i] * v[i]);
+                        }
+                    }
+                }
+            },
+        );
         if let Some(drives) = &self.drives {
             for (d, now) in self.now.iter().enumerate() {
                 match drives.acts(d) {
@@ -271,21 +304,6 @@ impl Runge {
                     Acts::Moves(bead) => (du[bead], dv[bead]) = (0.0, 0.0),
                     Acts::Wall(_) => {}
                 }
-            }
-        }
-        if sites.has_resonators() {
-            dw[beads.clone()].copy_from_slice(&w_m_s[beads.clone()]);
-            for i in beads.clone() {
-                let pull_n = sites.resonator_n(i, u_m[i], w_m[i]);
-                let mass_kg = sites.resonator_kg[i];
-                dw_v[i] = if mass_kg > 0.0 { (1.0 / mass_kg) * -pull_n } else { 0.0 };
-            }
-        }
-        if self.rows.work {
-            for i in beads.clone() {
-                let drag_w =
-                    if sites.has_drag() { sites.drag_n_s_per_m[i] * (v_m_s[i] * v_m_s[i]) } else { 0.0 };
-                dwork[i] = self.power_w[i] + drag_w;
             }
         }
     }
@@ -341,16 +359,33 @@ fn add_slopes(
     let from = &from[..n];
     let [a, b, c, d, e] =
         [0, 1, 2, 3, 4].map(|k| used.get(k).map_or((0.0, from), |s| (weights[*s], &slopes[*s][..n])));
+    // each number of slopes has a plain loop of its own: a closure in it would not come into vectors
     match used.len() {
-        1 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i])),
-        2 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i])),
-        3 => (0..n).for_each(|i| to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i])),
-        4 => (0..n).for_each(|i| {
-            to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i]);
-        }),
-        _ => (0..n).for_each(|i| {
-            to[i] =
-                from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i] + e.0 * e.1[i]);
-        }),
+        1 => {
+            for i in 0..n {
+                to[i] = from[i] + dt_s * (a.0 * a.1[i]);
+            }
+        }
+        2 => {
+            for i in 0..n {
+                to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i]);
+            }
+        }
+        3 => {
+            for i in 0..n {
+                to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i]);
+            }
+        }
+        4 => {
+            for i in 0..n {
+                to[i] = from[i] + dt_s * (a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i]);
+            }
+        }
+        _ => {
+            for i in 0..n {
+                let earlier = a.0 * a.1[i] + b.0 * b.1[i] + c.0 * c.1[i] + d.0 * d.1[i];
+                to[i] = from[i] + dt_s * (earlier + e.0 * e.1[i]);
+            }
+        }
     }
 }

@@ -8,8 +8,13 @@ use crate::aligned::{Aligned, with_room};
 use schemas::chain::Chain;
 use schemas::contact::ContactLaw;
 use schemas::damping::{ContactDamping, Factor};
-use schemas::simd::{in_vectors, vectorized};
+use schemas::simd::{cut, in_vectors, vectorized};
 use std::ops::Range;
+
+/// The forms of [`Factor`], for loops that know theirs.
+const ONE: u8 = Factor::One as u8;
+const ROOT: u8 = Factor::Root as u8;
+const RATIO: u8 = Factor::Ratio as u8;
 
 /// The motion of the chain and its walls: displacements (m) and velocities (m/s), with room behind the last bead.
 #[derive(Debug)]
@@ -92,15 +97,27 @@ impl Kernel {
     /// Writes the net force (N) on each of `beads` into `net_n` (N values): of its contacts, evaluated last, of springs, resonators and drag,
     /// at the displacements (m) and velocities (m/s) of beads and the displacements of resonators `rows`.
     pub(crate) fn net_forces(&self, beads: &Range<usize>, [u_m, v_m_s, w_m]: [&[f64]; 3], net_n: &mut [f64]) {
-        let sites = &self.sites;
+        let (sites, net_n) = (&self.sites, &mut net_n[beads.clone()]);
         let (left, right) = self.forces_beside(beads);
-        for (at, i) in beads.clone().enumerate() {
-            let w = if sites.has_resonators() { w_m[i] } else { 0.0 };
-            net_n[i] = sites.net_n(i, left[at] - right[at], u_m[i], w);
-            if sites.has_drag() {
-                net_n[i] -= sites.drag_n_s_per_m[i] * v_m_s[i];
-            }
-        }
+        vectorized(
+            self.arch,
+            #[inline(always)]
+            || {
+                let count = net_n.len();
+                let [left, right] = cut([left, right], count);
+                for i in 0..count {
+                    net_n[i] = left[i] - right[i];
+                }
+                sites.add_to(net_n, beads, [u_m, w_m]);
+                if sites.has_drag() {
+                    let drag = [&sites.drag_n_s_per_m[beads.clone()], &v_m_s[beads.clone()]];
+                    let [drag, v_m_s] = cut(drag, count);
+                    for i in 0..count {
+                        net_n[i] -= drag[i] * v_m_s[i];
+                    }
+                }
+            },
+        );
     }
 
     /// Evaluates the elastic forces of the contacts of `beads`, those at rest included, and δ^q where it is needed.
@@ -134,20 +151,14 @@ impl Kernel {
 
     /// Evaluates the forces of damped contacts, and the power (W) that each dissipates, from their elastic forces.
     fn damp(&mut self, damped: &Damped, beads: &Range<usize>, motion: &Motion<'_>, power_w: &mut [f64]) {
-        let (arch, last) = (self.arch, self.count - 1);
-        let between = (if beads.start == 0 { 1 } else { beads.start })..beads.end;
-        vectorized(
-            arch,
-            #[inline(always)]
-            || {
-                for i in between {
-                    let approach_m = motion.u_m[i - 1] - motion.u_m[i];
-                    let rate_m_s = motion.v_m_s[i - 1] - motion.v_m_s[i];
-                    let coefficient = damped.contacts.coefficient[i - 1];
-                    power_w[i - 1] = self.damp_one(damped, i, approach_m, rate_m_s, coefficient);
-                }
-            },
-        );
+        let last = self.count - 1;
+        let first = if beads.start == 0 { 1 } else { beads.start };
+        let between = first..if beads.end > first { beads.end } else { first };
+        match damped.contacts.kind.factor() {
+            Factor::One => self.damp_between::<ONE>(damped, between, motion, power_w),
+            Factor::Root => self.damp_between::<ROOT>(damped, between, motion, power_w),
+            Factor::Ratio => self.damp_between::<RATIO>(damped, between, motion, power_w),
+        }
         let approaches = |values: &[f64], walls: [f64; 2]| {
             let round = values[last] - values[0];
             if self.ends.is_ring { [round; 2] } else { [walls[0] - values[0], values[last] - walls[1]] }
@@ -165,8 +176,57 @@ impl Kernel {
         power_w[last] = walls_w[0] + if self.ends.is_ring { 0.0 } else { walls_w[1] };
     }
 
+    /// Does so for the contacts on the left of the beads `between`, with a loop for each form of the factor.
+    fn damp_between<const FACTOR: u8>(
+        &mut self,
+        damped: &Damped,
+        between: Range<usize>,
+        motion: &Motion<'_>,
+        power_w: &mut [f64],
+    ) {
+        let (is_bonded, zero_up_to_m) = (damped.is_bonded, self.law.zero_up_to_m());
+        let before = between.start - 1..between.end - 1;
+        let beside = [
+            &motion.u_m[before.clone()],
+            &motion.u_m[between.clone()],
+            &motion.v_m_s[before.clone()],
+            &motion.v_m_s[between.clone()],
+            &damped.elastic_n.found[between.clone()],
+            &damped.raised.found[between.clone()],
+            &damped.rest_m[between.clone()],
+            &damped.contacts.coefficient[before.clone()],
+            &self.rest_n[between.clone()],
+        ];
+        let [force_n, power_w] = [&mut self.force[between], &mut power_w[before]];
+        vectorized(
+            self.arch,
+            #[inline(always)]
+            || {
+                let count = force_n.len();
+                let power_w = &mut power_w[..count];
+                let [u, to_u, v, to_v, elastic_n, raised, rest_m, coefficient, rest_n] = cut(beside, count);
+                let factor = match FACTOR {
+                    ONE => Factor::One,
+                    ROOT => Factor::Root,
+                    _ => Factor::Ratio,
+                };
+                for i in 0..count {
+                    let overlap_m = u[i] - to_u[i] + rest_m[i];
+                    let known = Known {
+                        elastic_n: elastic_n[i],
+                        overlap_m,
+                        rate_m_s: v[i] - to_v[i],
+                        coefficient: coefficient[i] * factor.at(raised[i], overlap_m),
+                    };
+                    let damped_n;
+                    (damped_n, power_w[i]) = known.damped(is_bonded, zero_up_to_m);
+                    force_n[i] = damped_n - rest_n[i];
+                }
+            },
+        );
+    }
+
     /// Evaluates the force of the contact on the left of bead `i`, and gives the power (W) that it dissipates.
-    #[inline(always)]
     fn damp_one(
         &mut self,
         damped: &Damped,
@@ -175,15 +235,11 @@ impl Kernel {
         rate_m_s: f64,
         coefficient: f64,
     ) -> f64 {
-        let known = Known {
-            elastic_n: damped.elastic_n.found[i],
-            raised: damped.raised.found[i],
-            overlap_m: approach_m + damped.rest_m[i],
-            rate_m_s,
-            coefficient,
-        };
-        let (damped_n, dissipated_w) =
-            known.damped(damped.contacts.kind.factor(), damped.is_bonded, self.law.zero_up_to_m());
+        let overlap_m = approach_m + damped.rest_m[i];
+        let factor = damped.contacts.kind.factor().at(damped.raised.found[i], overlap_m);
+        let elastic_n = damped.elastic_n.found[i];
+        let known = Known { elastic_n, overlap_m, rate_m_s, coefficient: coefficient * factor };
+        let (damped_n, dissipated_w) = known.damped(damped.is_bonded, self.law.zero_up_to_m());
         self.force[i] = damped_n - self.rest_n[i];
         dissipated_w
     }
@@ -192,9 +248,9 @@ impl Kernel {
 /// The state of a damped contact.
 struct Known {
     elastic_n: f64,
-    raised: f64,
     overlap_m: f64,
     rate_m_s: f64,
+    /// The coefficient times δ^p.
     coefficient: f64,
 }
 
@@ -202,14 +258,13 @@ impl Known {
     /// The force (N), including the force at rest, and the dissipated power (W): 0 where the contact is not closed,
     /// except for bonds.
     #[inline(always)]
-    fn damped(&self, factor: Factor, is_bonded: bool, zero_up_to_m: f64) -> (f64, f64) {
-        if !is_bonded && self.overlap_m <= zero_up_to_m {
-            return (0.0, 0.0);
-        }
-        let factor = factor.at(self.raised, self.overlap_m);
-        let force_n = self.elastic_n + self.coefficient * factor * self.rate_m_s;
+    fn damped(&self, is_bonded: bool, zero_up_to_m: f64) -> (f64, f64) {
+        // no branch, so that contacts fit into vectors: what an open one has is not taken
+        let force_n = self.elastic_n + self.coefficient * self.rate_m_s;
         let force_n = if is_bonded || force_n > 0.0 { force_n } else { 0.0 };
-        (force_n, (force_n - self.elastic_n) * self.rate_m_s)
+        let power_w = (force_n - self.elastic_n) * self.rate_m_s;
+        let is_open = !is_bonded && self.overlap_m <= zero_up_to_m;
+        [force_n, power_w].map(|value| if is_open { 0.0 } else { value }).into()
     }
 }
 

@@ -374,7 +374,7 @@ impl Reader<'_> {
                 (table, Some(BaseFile { path, text }))
             }
         };
-        merge(&mut base, over);
+        merge(&mut base, over).map_err(|message| self.refuse(value.span().start, "base", message))?;
         Ok((base, base_file))
     }
 

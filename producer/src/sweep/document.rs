@@ -61,6 +61,7 @@ impl KeyPath {
         };
         let mut place = document.entry(first.clone()).or_insert_with(|| empty_for(rest));
         for (done, part) in rest.iter().enumerate() {
+            check_unread(place)?;
             let walked = || display(&self.parts[..=done]);
             place = match (part, place) {
                 (Part::Key(key), Value::Table(table)) => {
@@ -79,9 +80,19 @@ impl KeyPath {
                 (Part::Index(_), _) => return Err(format!("`{}` is no list in the base", walked())),
             };
         }
+        check_unread(place)?;
         *place = value;
         Ok(())
     }
+}
+
+/// Refuses to change a state of a recording that has been read: the lists beside it would stay as they are.
+fn check_unread(place: &Value) -> Result<(), String> {
+    if place.get("sha256").is_none() {
+        return Ok(());
+    }
+    Err("found a state that has been read, whose numbers stand in the lists beside it; leave out these lists and the `sha256` in the base"
+        .to_owned())
 }
 
 /// Placeholder for a value that is about to be set.
@@ -111,15 +122,21 @@ impl fmt::Display for KeyPath {
 }
 
 /// Replaces values of `document` by those of `over`; tables are merged, everything else is replaced.
-pub(super) fn merge(document: &mut Table, over: Table) {
+///
+/// # Errors
+/// When one of them is a state that has been read.
+pub(super) fn merge(document: &mut Table, over: Table) -> Result<(), String> {
     for (key, value) in over {
-        match (document.get_mut(&key), value) {
-            (Some(Value::Table(below)), Value::Table(above)) => merge(below, above),
+        let place = document.get_mut(&key);
+        place.iter().try_for_each(|place| check_unread(place))?;
+        match (place, value) {
+            (Some(Value::Table(below)), Value::Table(above)) => merge(below, above)?,
             (_, value) => {
                 document.insert(key, value);
             }
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -164,8 +181,22 @@ mod tests {
     #[test]
     fn tables_are_merged_and_lists_replaced() {
         let mut document = table("a = 1\n[b]\nc = 2\nd = [1, 2]");
-        merge(&mut document, table("[b]\nd = [3]\n[e]\nf = 4"));
+        merge(&mut document, table("[b]\nd = [3]\n[e]\nf = 4")).unwrap();
         assert_eq!(document, table("a = 1\n[b]\nc = 2\nd = [3]\n[e]\nf = 4"));
+    }
+
+    /// The lists of a stored configuration are those of the step that was read.
+    #[test]
+    fn a_state_that_has_been_read_keeps_its_step() {
+        let written = "[initial]\nfrom = { recording = \"a.mcap\", step = 3";
+        let read = format!("{written}, sha256 = \"ab\" }}\ndisplacements_m = [0.1]");
+        for key in ["initial.from", "initial.from.step"] {
+            assert!(set(&format!("{written} }}"), key, 1.0).is_ok());
+            let error = set(&read, key, 1.0).expect_err(key);
+            assert!(error.contains("leave out these lists and the `sha256`"), "{error}");
+        }
+        assert!(set(&read, "initial.displacements_m[0]", 1.0).is_ok());
+        assert!(merge(&mut table(&read), table("[initial.from]\nstep = 1")).is_err());
     }
 
     #[test]

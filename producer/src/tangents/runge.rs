@@ -46,7 +46,7 @@ impl Stages {
         }
     }
 
-    /// True if the force of a contact has jumped where it closed or opened.
+    /// True if the force of a contact, or its slope without bound, has jumped where it closed or opened.
     pub(super) fn has_jumped(&self) -> bool {
         self.has_jumped
     }

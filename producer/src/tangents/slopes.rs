@@ -92,9 +92,9 @@ impl Damped {
         *rate = factor;
     }
 
-    /// True if a contact with a dashpot has closed or opened since `closed`, which becomes what is now.
+    /// True if a contact whose damping has no bounded slope there has closed or opened since `closed`, which becomes what is now.
     fn jumps(&self, overlap_m: &[f64], closed: &mut Vec<bool>) -> bool {
-        if self.is_bonded || self.exponent > 0.0 {
+        if self.is_bonded || self.exponent >= 1.0 {
             return false;
         }
         let is_closed =
@@ -187,8 +187,8 @@ impl Slopes {
         }
     }
 
-    /// Finds those of the whole chain in this motion, with the rates of damped contacts. `closed` remembers which contacts with dashpots are
-    /// closed; true if one has closed or opened since, where its force jumps.
+    /// Finds those of the whole chain in this motion, with the rates of damped contacts. `closed` remembers which of these are
+    /// closed; true if one has closed or opened since, where its force jumps or its slope has no bound.
     pub(crate) fn find_moving(&mut self, arch: Arch, motion: &Motion<'_>, closed: &mut Vec<bool>) -> bool {
         let (u_m, v_m_s) = (&motion.u_m[..self.beads], &motion.v_m_s[..self.beads]);
         self.find(arch, u_m, motion.walls_m, &(0..self.beads));

@@ -68,6 +68,11 @@ impl Bonds {
         self.0.iter().any(|bond| bond.form.holds != Holds::None)
     }
 
+    /// True if they do not hold as they are written, or only zeros would.
+    pub(crate) fn let_go(&self) -> bool {
+        !self.hold() || self.scales()[2] == 0.0
+    }
+
     /// True if one of `contacts` bonds can be pulled over the edge of its potential.
     pub(crate) fn can_break(&self, contacts: usize) -> bool {
         let acts = |holds: Holds| {
@@ -99,7 +104,8 @@ impl Bonds {
     pub(crate) fn refusal() -> ConfigError {
         let (hold, others): (Vec<_>, Vec<_>) = bond_forms().partition(|form| form.holds != Holds::None);
         let names = |forms: &[&BondForm]| forms.iter().map(|form| form.key).collect::<Vec<_>>().join(", ");
-        let allowed = format!("one of {} among them: {} alone has no bottom", names(&hold), names(&others));
+        let allowed =
+            format!("one of {} above 0 among them: {} alone has no bottom", names(&hold), names(&others));
         ConfigError::value("chain.bonds", "no bonds that hold", &allowed)
     }
 }
@@ -254,6 +260,17 @@ mod tests {
         for written in [text, turned] {
             let bonds: Bonds = serde_json::from_str(written).expect("bonds");
             assert_eq!(serde_json::to_string(&bonds).expect("JSON"), text);
+        }
+    }
+
+    #[test]
+    fn bonds_of_zeros_are_refused_where_they_stand() {
+        for bonds in ["linear = 0.0", "linear = 0.0, quadratic = 1.0", "cubic = 0.0"] {
+            let text = format!(
+                "[time]\nduration_s = 1.0\n[chain]\nbeads = 4\nbead_mass_kg = 1.0\nbonds = {{ {bonds} }}\n"
+            );
+            let error = RunConfig::from_toml(&text).expect_err(bonds).located(&text, None).to_string();
+            assert!(error.starts_with("line 6: chain.bonds: found no bonds that hold"), "{error}");
         }
     }
 

@@ -19,7 +19,7 @@ pub use time_step::Limit;
 
 use super::{KERNEL_VERSION, to_json, usize_of};
 use crate::bath::Bath;
-use crate::chain::Energy;
+use crate::chain::{Chain, Energy};
 use crate::config::{
     Bonds, ConfigError, Disorder, End, EndsConfig, Impurity, Initial, LoadConfig, MassRule, OddContact,
     OddSphere, OnSite, Profile, Resonators, RunConfig, SecondPower, Spheres, StiffnessRule, StrikerConfig,
@@ -184,9 +184,14 @@ impl Physics {
 
     /// Energy of the initial state, which every drift is measured against.
     pub fn initial_energy(&self) -> Energy {
+        self.initial_energy_of(&self.chain())
+    }
+
+    /// The same where its `chain` is known.
+    pub fn initial_energy_of(&self, chain: &Chain) -> Energy {
         let (u_m, v_m_s) = self.initial_state();
         let extra = self.initial_extra(&u_m);
-        self.chain().energy(&u_m, &v_m_s, &extra, &mut vec![0.0; u_m.len() - 1])
+        chain.energy(&u_m, &v_m_s, &extra, &mut vec![0.0; u_m.len() - 1])
     }
 
     /// The rows of the `extra` of its frames.

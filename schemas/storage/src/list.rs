@@ -58,17 +58,24 @@ pub(crate) fn walk(
         let entry = entry?;
         let path = entry.path();
         listing.seen_count += 1;
-        if entry.file_type()?.is_dir() {
+        let kind = entry.file_type()?;
+        if kind.is_dir() {
             if let Err(error) = walk(&path, wanted, listing) {
                 listing.skip(path.display().to_string(), format!("it cannot be listed: {error}"));
             }
-        } else if wanted(&path)
-            && let Ok(found) = fs::metadata(&path)
-        {
-            if found.is_file() {
-                listing.entries.push(Listed { path, bytes: found.len() });
-            } else if let Some(what) = not_a_file(found.file_type()) {
-                listing.skip(path.display().to_string(), format!("it is {what}, and no file"));
+        } else if wanted(&path) {
+            match fs::metadata(&path) {
+                Ok(found) if found.is_file() => listing.entries.push(Listed { path, bytes: found.len() }),
+                Ok(found) => {
+                    if let Some(what) = not_a_file(found.file_type()) {
+                        listing.skip(path.display().to_string(), format!("it is {what}, and no file"));
+                    }
+                }
+                Err(error) if kind.is_symlink() => {
+                    listing.skip(path.display().to_string(), format!("the link leads to no file: {error}"));
+                }
+                // it was removed meanwhile
+                Err(_) => {}
             }
         }
     }

@@ -2,15 +2,15 @@
 //!
 //! The writer of a file only appends to it, so bytes are sent as soon as they make a part. The writer never waits.
 
-use crate::{StorageError, Upload, open_file, read_file, stop};
+use crate::{StorageError, Upload, open_file, stop};
 use std::fmt::{self, Display};
-use std::fs::{self, File};
-use std::io;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
-use system::is_at;
+use system::{is_at, without_waiting};
 
 /// Smallest part that stores take, but for the last.
 const LEAST_PART_BYTES: u64 = 5 << 20;
@@ -86,6 +86,20 @@ pub enum SendError {
         /// The operating system's error.
         source: io::Error,
     },
+    /// There is no note of the upload.
+    #[error("{}, the note of the upload, cannot be written; copy the recording to another directory", note.display())]
+    Note {
+        /// The note.
+        note: PathBuf,
+        /// The operating system's error.
+        source: io::Error,
+    },
+    /// Another process sends the file.
+    #[error("{} is being sent by another process; wait for its end", file.display())]
+    Busy {
+        /// The file.
+        file: PathBuf,
+    },
     /// It was asked to stop.
     #[error("stopped before everything was sent")]
     Stopped,
@@ -131,6 +145,7 @@ pub struct Begun {
     options: SendOptions,
     errand: Errand,
     upload: Upload,
+    lock: File,
 }
 
 impl Begun {
@@ -138,10 +153,10 @@ impl Begun {
     /// goes on with the parts of an earlier attempt if that is possible, and else removes them.
     ///
     /// # Errors
-    /// When there is such an object and it is not to be replaced, or when the store refuses.
+    /// When there is such an object and it is not to be replaced, when the store refuses, or when another process sends the file.
     pub fn new(errand: Errand, options: SendOptions) -> Result<Self, SendError> {
-        let upload = begin(&errand, &options)?;
-        Ok(Self { options, errand, upload })
+        let (upload, lock) = begin(&errand, &options)?;
+        Ok(Self { options, errand, upload, lock })
     }
 
     /// Gives it up, before anything was sent.
@@ -160,7 +175,7 @@ impl Begun {
     ) -> io::Result<Sender> {
         let shared = Arc::<Shared>::default();
         let work = Work { shared: Arc::clone(&shared), options: self.options, notice: Box::new(notice) };
-        let (errand, upload) = (self.errand, self.upload);
+        let (errand, upload) = (self.errand, (self.upload, self.lock));
         let work = move || {
             // a run that is asked to stop is sent all the same; who waits for us may leave
             stop::be_patient();
@@ -230,7 +245,7 @@ impl Work {
     fn all(
         self,
         first: Errand,
-        upload: Upload,
+        upload: (Upload, File),
         next: impl Fn(u64) -> Option<Errand>,
     ) -> Result<(), SendError> {
         let (mut errand, mut upload) = (first, Some(upload));
@@ -244,20 +259,25 @@ impl Work {
     }
 
     /// Sends one file; none if there is none of this number.
-    fn one(&self, number: u64, errand: &Errand, upload: Option<Upload>) -> Result<Option<Sent>, SendError> {
+    fn one(
+        &self,
+        number: u64,
+        errand: &Errand,
+        upload: Option<(Upload, File)>,
+    ) -> Result<Option<Sent>, SendError> {
         let Some(file) = self.open(number, errand)? else {
-            if let Some(upload) = upload {
+            if let Some((upload, _lock)) = upload {
                 give_up(errand, &upload);
                 return Err(SendError::Unfinished { file: errand.file.clone() });
             }
             return Ok(None);
         };
-        let mut upload = match upload {
+        let (mut upload, _lock) = match upload {
             Some(upload) => upload,
             None => self.patiently(|| begin(errand, &self.options))?,
         };
         let mut kept_bytes = 0;
-        if let Err(error) = self.follow(number, &file, errand, &mut upload, &mut kept_bytes) {
+        if let Err(error) = self.follow(&file, errand, &mut upload, &mut kept_bytes) {
             // what another attempt goes on with stays in the store
             if !(error.leaves_parts() && upload.can_be_resumed()) {
                 give_up(errand, &upload);
@@ -294,7 +314,6 @@ impl Work {
     /// Sends the file until it is whole, and completes the object.
     fn follow(
         &self,
-        number: u64,
         file: &File,
         errand: &Errand,
         upload: &mut Upload,
@@ -320,7 +339,8 @@ impl Work {
                 forget(errand);
                 return Ok(());
             }
-            if files.is_some_and(|files| number > files) {
+            // of files that are finished, it has lost its name
+            if files.is_some() {
                 return Err(SendError::Unfinished { file: errand.file.clone() });
             }
             self.shared.wait(LOOK);
@@ -390,23 +410,40 @@ fn usual_part_bytes(expected_bytes: u64) -> u64 {
 }
 
 /// Begins an upload, or goes on with the one that an earlier attempt left, and keeps its id beside the file until it is over.
-fn begin(errand: &Errand, options: &SendOptions) -> Result<Upload, SendError> {
+/// The lock of that note keeps other processes away as long as it lives.
+fn begin(errand: &Errand, options: &SendOptions) -> Result<(Upload, File), SendError> {
     let SendOptions { run, expected_bytes, replace, .. } = options;
     let path = note_of(errand);
-    if let Some(note) = Note::read(&path) {
+    let mut lock = lock(errand, &path)?;
+    if let Some(note) = Note::read(&lock) {
         if let Some(part_bytes) = note.part_bytes_for(errand, options)
             && let Some(upload) =
                 Upload::resume(&errand.url, &note.id, run, part_bytes, *replace).map_err(refused(errand))?
         {
-            return Ok(upload);
+            return Ok((upload, lock));
         }
         Upload::give_up(&note.url, &note.id).map_err(refused(errand))?;
     }
     let part_bytes = usual_part_bytes(*expected_bytes);
-    let upload = Upload::begin(&errand.url, run, part_bytes, *replace).map_err(refused(errand))?;
+    let upload = Upload::begin(&errand.url, run, part_bytes, *replace);
+    let upload = upload.inspect_err(|_| forget(errand)).map_err(refused(errand))?;
     let note = Note { url: errand.url.clone(), id: upload.id().to_owned(), run: run.clone(), part_bytes };
-    fs::write(&path, note.to_string()).map_err(unreadable(&path))?;
-    Ok(upload)
+    let written = lock.set_len(0).and_then(|()| lock.rewind()).and_then(|()| write!(lock, "{note}"));
+    let written = written.inspect_err(|_| give_up(errand, &upload));
+    written.map_err(|source| SendError::Note { note: path, source })?;
+    Ok((upload, lock))
+}
+
+/// Locks the note at `path`, which it makes if there is none.
+fn lock(errand: &Errand, path: &Path) -> Result<File, SendError> {
+    let mut options = OpenOptions::new();
+    let options = without_waiting(options.read(true).write(true).create(true).truncate(false), false);
+    let note = options.open(path).map_err(|source| SendError::Note { note: path.to_owned(), source })?;
+    // whoever held the lock before may have removed the note
+    if matches!(note.try_lock(), Err(TryLockError::WouldBlock)) || !is_at(&note, path) {
+        return Err(SendError::Busy { file: errand.file.clone() });
+    }
+    Ok(note)
 }
 
 /// The note beside a file of which an upload is not over.
@@ -419,8 +456,10 @@ struct Note {
 }
 
 impl Note {
-    fn read(path: &Path) -> Option<Self> {
-        Self::parse(&String::from_utf8(read_file(path, MOST_NOTE_BYTES).ok()?).ok()?)
+    fn read(file: &File) -> Option<Self> {
+        let mut text = String::new();
+        file.take(MOST_NOTE_BYTES).read_to_string(&mut text).ok()?;
+        Self::parse(&text)
     }
 
     fn parse(text: &str) -> Option<Self> {
@@ -482,6 +521,19 @@ mod tests {
             // no store takes parts of more than 5 GiB
             assert!(sent > 3 << 40 && part < 5 << 30, "{expected_bytes}: {sent} in parts up to {part}");
         }
+    }
+
+    #[test]
+    fn a_file_is_sent_by_one_at_a_time() {
+        let place = tempfile::tempdir().expect("temporary directory");
+        let file = place.path().join("run.mcap");
+        let errand = Errand { growing: file.clone(), file, url: "s3://bucket/run.mcap".into() };
+        let path = note_of(&errand);
+        let first = lock(&errand, &path).expect("free");
+        assert!(matches!(lock(&errand, &path), Err(SendError::Busy { .. })));
+        forget(&errand);
+        drop(first);
+        lock(&errand, &path).expect("free again");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! `beadline ls DIR|URL`: the recordings there, from their beginnings and summaries.
 
-use super::aligned;
-use crate::display::{self, bytes, count, counted, seconds};
+use crate::display::{self, aligned, bytes, count, counted, seconds};
 use crate::failure::{BadInput, Done, Failure, words_of};
+use crate::threads;
 use anyhow::Context as _;
 use recording::RecordingInfo;
 use schemas::frame::EndReason;
@@ -10,8 +10,6 @@ use schemas::whole_file::is_being_written;
 use serde_json::json;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
-use std::thread::{self, ScopedJoinHandle};
 use storage::{Listed, Listing, Skipped};
 
 /// Recordings that are looked at together: each waits for its disk, or for a store.
@@ -84,29 +82,7 @@ pub(crate) fn is_recording(path: &Path) -> bool {
 
 /// Summaries of recordings, in the order of `paths`, read several at a time.
 pub(crate) fn summaries(paths: &[&Path]) -> Vec<Glanced> {
-    let next = Mutex::new(paths.iter().enumerate());
-    let work = || {
-        let mut done = Vec::new();
-        loop {
-            let Some((i, path)) = next.lock().unwrap_or_else(PoisonError::into_inner).next() else {
-                return done;
-            };
-            done.push((i, glance(path, RecordingInfo::summary)));
-        }
-    };
-    let mut all: Vec<(usize, Glanced)> = thread::scope(|scope| {
-        // this thread works, too, and alone where the system grants no other
-        let start = |_| thread::Builder::new().spawn_scoped(scope, work).ok();
-        let workers: Vec<_> = (1..AT_ONCE.min(paths.len())).map_while(start).collect();
-        let mut all = work();
-        let join = |worker: ScopedJoinHandle<'_, _>| {
-            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        all.extend(workers.into_iter().flat_map(join));
-        all
-    });
-    all.sort_by_key(|(i, _)| *i);
-    all.into_iter().map(|(_, found)| found).collect()
+    threads::each(paths, AT_ONCE, |path| glance(path, RecordingInfo::summary))
 }
 
 /// The result of `look` at the recording at `path`, or a sentence for its row: one file's failure does not affect
@@ -134,6 +110,10 @@ fn state(info: &RecordingInfo) -> String {
         Some(end) if end.reason == EndReason::Continued || info.begin.part > 1 => {
             format!("part {}", info.begin.part)
         }
+        Some(end) if end.reason == EndReason::Complete => match info.begin.first_step {
+            0 => "not whole".to_owned(),
+            first => format!("from step {}", count(first)),
+        },
         Some(end) => end.reason.to_string(),
     }
 }

@@ -6,6 +6,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
+use crate::threads;
 use anyhow::Error;
 use consumers::journal::{self, Entry, Journal, JournalError};
 use consumers::table::{Cell, Table};
@@ -14,9 +15,7 @@ use orbits::file::Grid;
 use orbits::{MapError, NoOrbit, shown};
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::available_parallelism;
 
 /// The journal of a map.
 pub(super) const JOURNAL: &str = "map.journal";
@@ -35,8 +34,7 @@ pub(super) fn map(place: &Place<'_>, grid: &Grid, stop: &AtomicBool) -> Result<D
         "whole lines of the map are kept in {}, the same command goes on",
         place.out.display()
     ));
-    let cores = || available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let threads = place.args.jobs.unwrap_or_else(cores).get().min(open.len());
+    let threads = threads::or_cores(place.args.jobs).get().min(open.len());
     let mut progress = Progress::new(grid.points() as u64, "map");
     let done = AtomicU64::new((grid.points() - open.len() * along) as u64);
     let mut failed = None;
@@ -96,10 +94,7 @@ fn finish(place: &Place<'_>, grid: &Grid, rows: &[Vec<Cell>], head: &JournalHead
     let mut kinds = BTreeMap::new();
     for row in rows {
         *kinds.entry(shown::stability(row).to_owned()).or_insert(0_u64) += 1;
-        for cell in row {
-            table.cell(cell.clone());
-        }
-        table.end_row()?;
+        table.add_row(row)?;
     }
     table.finish()?;
     let [across, along] = &grid.keys;
@@ -113,10 +108,11 @@ fn finish(place: &Place<'_>, grid: &Grid, rows: &[Vec<Cell>], head: &JournalHead
         listed.each("results", place.results(&["map.csv", "map.png", super::REPORT]));
         listed.under(format_args!("map over {across} and {along}, {}", counted(rows.len() as u64, "point")))
     })?;
-    let missed = kinds.get(shown::NOT_FOUND).copied().unwrap_or(0);
+    let of_missed = kinds.iter().filter(|(name, _)| name.starts_with(shown::NOT_FOUND));
+    let missed: u64 = of_missed.map(|(_, points)| points).sum();
     if missed > 0 {
         notice!(
-            "no orbit was found at {}: beyond folds there may be none; finer steps along {along} or more parts (orbit.segments) help elsewhere",
+            "no orbit was found at {}: beyond folds there may be none; finer steps along {along}, more steps of a period (orbit.steps) or parts of it (orbit.segments) help elsewhere",
             counted(missed, "point")
         );
     }

@@ -10,7 +10,7 @@ use crate::failure::{BadInput, Done, Failure};
 use crate::outputs::{check_figures, check_places, extension};
 use crate::report::{Rows, report};
 use crate::sweep;
-use choice::{Choice, Drawn};
+use choice::Choice;
 use columns::{Columns, NOT_SET, Values};
 use gaps::Gaps;
 use plots::{
@@ -39,16 +39,13 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
     check_figures(std::slice::from_ref(&out), args.look)?;
     check_places(&[&out], &args.frames)?;
     let mut fits = Vec::new();
-    let (figure, gaps) = match &choice.drawn {
-        Drawn::Heat { heat } => {
-            let (map, gaps) = heat_of(args, path, &columns, &choice, heat)?;
-            (heat_map(&map)?, gaps)
-        }
-        Drawn::Curves { by } => {
-            let (figure, gaps) = curves_of(args, path, &columns, &choice, by.as_deref())?;
-            fits = fits_in(&figure);
-            (table_curves(&figure), gaps)
-        }
+    let (figure, gaps) = if let Some(heat) = &choice.heat {
+        let (map, gaps) = heat_of(args, path, &columns, &choice, heat)?;
+        (heat_map(&map)?, gaps)
+    } else {
+        let (figure, gaps) = curves_of(args, path, &columns, &choice)?;
+        fits = fits_in(&figure);
+        (table_curves(&figure), gaps)
     };
     figure.write(&out, args.look.options(), args.frames.force)?;
     let log = ["x", "y"].into_iter().zip(choice.log).filter(|(_, is_log)| *is_log).map(|(axis, _)| axis);
@@ -58,8 +55,8 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         "rows": columns.row_count(),
         "x": choice.x,
         "y": choice.y,
-        "by": choice.by(),
-        "heat": choice.heat(),
+        "by": choice.by,
+        "heat": choice.heat,
         "averaged_over": choice.averaged,
         "log": log,
         "fits": fits.iter().map(|(column, curve, fit)| json!({
@@ -82,10 +79,10 @@ pub(super) fn plot(args: &PlotArgs, path: &Path) -> Result<Done, Failure> {
         };
         rows.add("x", said(&choice.x, args.x.is_none()));
         rows.add("y", said(&choice.y.join(", "), args.y.is_empty()));
-        if let Some(by) = choice.by() {
+        if let Some(by) = &choice.by {
             rows.add("a curve for each", said(by, args.by.is_none()));
         }
-        if let Some(heat) = choice.heat() {
+        if let Some(heat) = &choice.heat {
             rows.add("colours", said(heat, args.heat.is_none()));
         }
         if !choice.averaged.is_empty() {
@@ -151,27 +148,20 @@ fn check_flags(args: &PlotArgs) -> Result<(), Failure> {
 /// `results-total_j.png`, `results-total_j-heat.png`, in the current directory.
 fn default_out(path: &Path, choice: &Choice) -> PathBuf {
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("table");
-    let (what, end) = match choice.heat() {
-        Some(heat) => (heat, "-heat"),
+    let (what, end) = match &choice.heat {
+        Some(heat) => (heat.as_str(), "-heat"),
         None => (choice.y.first().map_or("y", String::as_str), ""),
     };
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
     format!("{stem}-{}{end}.png", what.chars().map(plain).collect::<String>()).into()
 }
 
-fn caption(
-    path: &Path,
-    columns: &Columns,
-    choice: &Choice,
-    (curve, has_band): (&str, bool),
-    gaps: &[Gaps],
-) -> String {
+fn caption(path: &Path, columns: &Columns, choice: &Choice, curve: Option<&str>, gaps: &[Gaps]) -> String {
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let mut text = format!("{name}, {}", counted(columns.row_count() as u64, "row"));
-    match choice.averaged.as_slice() {
-        [] if columns.is_ensemble() || has_band => text.extend(["; ", curve]),
-        [] => {}
-        keys => text.extend(["; ", curve, " over ", &keys.join(", ")]),
+    text.extend(curve.map(|curve| format!("; {curve}")));
+    if let (Some(_), keys @ [_, ..]) = (curve, choice.averaged.as_slice()) {
+        text.extend([" over ", &keys.join(", ")]);
     }
     text.extend(of_sweep(path).map(|common| format!("; {common}")));
     for gaps in gaps {
@@ -211,12 +201,14 @@ fn heat_of(
 ) -> Result<(HeatMap, Vec<Gaps>), Failure> {
     let y = choice.y.first().map_or("", String::as_str);
     let axes = [places(columns, &choice.x, choice.log[0])?, places(columns, y, choice.log[1])?];
+    let keys = [columns.keys(&choice.x)?, columns.keys(y)?];
+    let cell = |row: usize| keys.each_ref().map(|keys| keys.of[row]);
     let found = columns.result(heat)?;
     let mut gaps = Gaps::new(heat, columns.row_count());
-    let mut cells: BTreeMap<[Sortable; 2], Vec<usize>> = BTreeMap::new();
+    let mut cells: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
     for (row, at) in axes[0].iter().zip(&axes[1]).enumerate() {
         match at {
-            (Some(x), Some(y)) => cells.entry([Sortable(*x), Sortable(*y)]).or_default().push(row),
+            (Some(_), Some(_)) => cells.entry(cell(row)).or_default().push(row),
             _ => gaps.off_axes(1),
         }
     }
@@ -224,16 +216,15 @@ fn heat_of(
     gaps.of_fewer(&values);
     let means = found.means();
     gaps.without_value(cells.values().flatten().filter(|row| means[**row].is_none()).count());
-    let rows = cells.iter().flat_map(|([Sortable(x), Sortable(y)], rows)| {
-        rows.iter().map(|row| [*x, *y, means[*row].unwrap_or(f64::NAN)])
-    });
+    let point = |row: &usize| Some([axes[0][*row]?, axes[1][*row]?, means[*row].unwrap_or(f64::NAN)]);
     let gaps = vec![gaps];
+    let is_mean = columns.is_ensemble() || !choice.averaged.is_empty();
     let map = HeatMap {
         columns: [choice.x.clone(), y.to_owned(), heat.to_owned()],
         log: choice.log,
         log_colours: args.colours == Some(ColoursArg::Log),
-        values: rows.collect(),
-        caption: caption(path, columns, choice, ("mean", false), &gaps),
+        values: cells.values().flatten().filter_map(point).collect(),
+        caption: caption(path, columns, choice, is_mean.then_some("mean"), &gaps),
     };
     Ok((map, gaps))
 }
@@ -243,7 +234,6 @@ fn curves_of(
     path: &Path,
     columns: &Columns,
     choice: &Choice,
-    by: Option<&str>,
 ) -> Result<(TableFigure, Vec<Gaps>), Failure> {
     let band = args.band.map(|band| match band {
         BandArg::StandardError => Band::StandardError,
@@ -251,7 +241,7 @@ fn curves_of(
     });
     let (mut panels, mut gaps) = (Vec::new(), Vec::new());
     for y in &choice.y {
-        let (mut panel, left_out) = panel_of(columns, choice, (y, by), band)?;
+        let (mut panel, left_out) = panel_of(columns, choice, y, band)?;
         let of = |label: &str| if label.is_empty() { y.clone() } else { format!("{y}, {label}") };
         if let Some(stretch) = args.fit {
             panel.fit(stretch, band);
@@ -273,11 +263,14 @@ fn curves_of(
         panels.push(panel);
         gaps.push(left_out);
     }
-    let curve = match band {
+    let points = panels.iter().flat_map(|panel| &panel.curves).flat_map(|curve| &curve.points);
+    // where no rows fall on one point, they are drawn as they are
+    let is_averaged = points.into_iter().any(|point| point.found.standard_error.is_some());
+    let curve = is_averaged.then_some(match band {
         None => "mean",
         Some(Band::StandardError) => "mean ± standard error",
         Some(Band::Quantiles) => "median, 25 % to 75 % and 5 % to 95 %",
-    };
+    });
     let figure = TableFigure {
         x: choice.x.clone(),
         panels,
@@ -285,32 +278,33 @@ fn curves_of(
         slopes: args.slope.clone(),
         band,
         scattered: choice.scattered,
-        caption: caption(path, columns, choice, (curve, band.is_some()), &gaps),
+        caption: caption(path, columns, choice, curve, &gaps),
     };
     Ok((figure, gaps))
 }
 
-/// The curves of the column `y`, one for each value of `by`, and what they leave out.
+/// The curves of the column `y`, and what they leave out.
 fn panel_of(
     columns: &Columns,
     choice: &Choice,
-    (y, by): (&str, Option<&str>),
+    y: &str,
     band: Option<Band>,
 ) -> Result<(TablePanel, Gaps), Failure> {
     let x = places(columns, &choice.x, choice.log[0])?;
-    let names = by.map(|by| columns.keys(by)).transpose()?;
+    let keys = columns.keys(&choice.x)?;
+    let names = choice.by.as_ref().map(|by| columns.keys(by)).transpose()?;
     let found = columns.result(y)?;
     let mut gaps = Gaps::new(y, columns.row_count());
     // rows of one curve and one x, in the order of the table
-    let mut groups: BTreeMap<(usize, Sortable), Vec<usize>> = BTreeMap::new();
+    let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for (row, x) in x.iter().enumerate() {
         let curve = names.as_ref().map_or(0, |names| names.of[row]);
         match x {
-            Some(x) => groups.entry((curve, Sortable(*x))).or_default().push(row),
+            Some(_) => groups.entry((curve, keys.of[row])).or_default().push(row),
             None => gaps.off_axes(1),
         }
     }
-    let labels: Vec<String> = match (by, &names) {
+    let labels: Vec<String> = match (&choice.by, &names) {
         (Some(by), Some(names)) => names.known.iter().map(|value| named(by, value)).collect(),
         _ => vec![String::new()],
     };
@@ -318,10 +312,10 @@ fn panel_of(
         labels.into_iter().map(|label| TableCurve { label, points: Vec::new(), fit: None }).collect();
     let values: Vec<Values> = groups.values().map(|rows| found.values(rows)).collect();
     let of_fewer = gaps.of_fewer(&values);
-    for ((curve, Sortable(x)), (values, is_of_fewer)) in groups.keys().zip(values.iter().zip(of_fewer)) {
-        let Some(found) = values.found else { continue };
+    for (((curve, _), rows), (values, is_of_fewer)) in groups.iter().zip(values.iter().zip(of_fewer)) {
+        let (Some(found), Some(x)) = (values.found, x[rows[0]]) else { continue };
         gaps.off_axes(usize::from(choice.log[1] && Band::middle(band, &found) <= 0.0));
-        curves[*curve].points.push(TablePoint { x: *x, found, is_of_fewer });
+        curves[*curve].points.push(TablePoint { x, found, is_of_fewer });
     }
     let means = found.means();
     gaps.without_value(groups.values().flatten().filter(|row| means[**row].is_none()).count());
@@ -337,24 +331,6 @@ fn panel_of(
     }
     curves.retain(|curve| !curve.points.is_empty());
     Ok((TablePanel { column: y.to_owned(), curves, note: gaps.note() }, gaps))
-}
-
-/// A number by its size.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Sortable(f64);
-
-impl Eq for Sortable {}
-
-impl PartialOrd for Sortable {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Sortable {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 /// `α = 1.5`, `impurities[0] mass = 0.002 kg`.

@@ -8,7 +8,7 @@ use crate::progress::Progress;
 use crate::publishing::{self, Dropped};
 use crate::report::{Rows, report};
 use crate::signals;
-use bus::{Bus, PublishError, PublishOptions};
+use bus::{Bus, PublishError};
 use indicatif::ProgressBar;
 use relay::far::{Arrived, Far, FarError, check_end};
 use relay::message::{MOST_BYTES_BEFORE, Message, Place};
@@ -88,15 +88,10 @@ impl Session<'_> {
                 return Ok(Republished::new(self.manifest, reason));
             }
         };
-        let options = PublishOptions {
-            first_frame: first,
-            stuck_after: Duration::from_secs_f64(self.args.stall_timeout),
-            stop: Arc::clone(self.stop),
-            ..PublishOptions::default()
-        };
-        let mut publisher = publishing::open(self.manifest, &options, self.args.wait_for)?;
+        let RelayArgs { stall_timeout, wait_for, .. } = *self.args;
+        let mut publisher = publishing::open(self.manifest, first, stall_timeout, wait_for, self.stop)?;
         notice!("{name} is published here from frame {} on", count(first));
-        if !publishing::wait_for_consumers(self.args.wait_for, &mut publisher, self.stop)? {
+        if !publishing::wait_for_consumers(wait_for, &mut publisher, self.stop)? {
             publisher.finish(EndReason::Interrupted)?;
             return Ok(Republished::new(self.manifest, EndReason::Stopped));
         }
@@ -173,7 +168,7 @@ impl Session<'_> {
                 let arrived = far.arrived();
                 let parts = [counted(arrived.frames, "frame"), bytes(arrived.bytes).to_string()];
                 progress.tell(&parts.each_ref().map(String::as_str));
-                dropped.tell(far.publisher(), &quiet);
+                dropped.tell(far.publisher().take_events(), &quiet);
             }
             for trouble in far.take_troubles() {
                 notice!("results that came along are not published here: {trouble}");
@@ -181,7 +176,7 @@ impl Session<'_> {
             next = self.fetching.next(if far.is_recomputing() { Duration::ZERO } else { PATIENCE });
         };
         progress.finish();
-        dropped.tell(far.publisher(), &quiet);
+        dropped.tell(far.publisher().take_events(), &quiet);
         let arrived = far.arrived();
         let counts = far.finish(reason)?;
         Ok(Republished {

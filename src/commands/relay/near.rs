@@ -4,11 +4,11 @@ use super::{endpoint, of_wire};
 use crate::args::RelayArgs;
 use crate::display::{self, bytes, count, counted, per_second};
 use crate::failure::{Done, Failure};
-use crate::frames::{attach_with, tell};
+use crate::frames::{attach, tell};
 use crate::progress::Progress;
 use crate::report::{Rows, report};
 use crate::signals;
-use bus::{AttachNotice, AttachOptions, Bus, Delivery, LiveSource, StreamId};
+use bus::{AttachNotice, Bus, LiveSource, StreamId};
 use producer::resimulation::check_kernel;
 use relay::log::SharedLog;
 use relay::near::{Ended, RowSenders, Sender, Sending, Sent};
@@ -151,22 +151,17 @@ impl Near<'_> {
         frames: bool,
     ) -> Result<LiveSource, Failure> {
         let (own_bus, rows) = (bus.clone(), Arc::clone(&self.rows));
-        let options = AttachOptions {
-            label: "relay".to_owned(),
-            stop: Arc::clone(self.stop),
-            notice: Arc::new(move |notice| match notice {
-                AttachNotice::Joining { name } => {
-                    if let Err(error) = rows.start(&own_bus, name) {
-                        notice!("results are not sent: {error}");
-                    }
+        let notice = move |notice: &AttachNotice| match notice {
+            AttachNotice::Joining { name } => {
+                if let Err(error) = rows.start(&own_bus, name) {
+                    notice!("results are not sent: {error}");
                 }
-                notice => tell(notice),
-            }),
-            ..AttachOptions::default()
+            }
+            notice => tell(notice),
         };
         // with every frame to be sent none is left out, and they are taken as fast as they come
-        let delivery = if self.args.hold || frames { Delivery::Lossless } else { Delivery::Latest };
-        attach_with(bus, name, delivery, &options)
+        let latest = !self.args.hold && !frames;
+        attach(bus, name, "relay", (latest, None), self.stop, notice)
     }
 
     fn look(&self, manifest: &RunManifest, sent: &Sent, progress: &mut Progress) {
@@ -230,20 +225,12 @@ impl Relayed {
         report(as_json, &json, || {
             let mut rows = Rows::default();
             let rate = per_second(self.sent.frames as f64 / self.seconds, "frames");
-            rows.add(
-                "frames",
-                format_args!("{} from {} on, {rate}", count(self.sent.frames), count(self.first_frame)),
-            );
+            let (frames, first) = (count(self.sent.frames), count(self.first_frame));
+            rows.add("frames", format_args!("{frames} from {first} on, {rate}"));
             let part = 100.0 * self.sent.bytes as f64 / frames_bytes.max(1) as f64; // integers
-            rows.add(
-                "sent",
-                format_args!(
-                    "{} in {}: {part:.2} % of the frames' {}",
-                    bytes(self.sent.bytes),
-                    counted(self.sent.messages, "message"),
-                    bytes(frames_bytes)
-                ),
-            );
+            let (sent, messages) = (bytes(self.sent.bytes), counted(self.sent.messages, "message"));
+            let all = bytes(frames_bytes);
+            rows.add("sent", format_args!("{sent} in {messages}: {part:.2} % of the frames' {all}"));
             rows.under(format_args!("{} {}", self.run, self.reason))
         })?;
         if self.rows_lost > 0 {

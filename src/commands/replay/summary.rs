@@ -5,10 +5,11 @@ use crate::display::{self, count, duration};
 use crate::failure::{Done, Failure};
 use crate::frames::FramesError;
 use crate::keyboard::Seek;
+use crate::publishing::add_pauses;
 use crate::report::{Rows, report};
 use crate::stage::Left;
 use bus::PublishCounts;
-use producer::replay::{Broken, ReplayOutcome};
+use producer::replay::ReplayOutcome;
 use schemas::frame::EndReason;
 use schemas::manifest::{RunId, RunManifest};
 use schemas::run_name::RunName;
@@ -28,11 +29,9 @@ pub(super) struct Summary {
     pub(super) is_paused: bool,
     run: Option<(RunName, RunId)>,
     first_frame: Option<u64>,
-    last_step: Option<u64>,
     published_count: u64,
-    reason: EndReason,
-    ended_as_asked: bool,
-    broken: Option<Broken<FramesError>>,
+    /// Outcome of the last stream.
+    last: Option<ReplayOutcome<FramesError>>,
     held_back: Duration,
     evicted: u64,
     dropped: Vec<String>,
@@ -50,11 +49,8 @@ impl Summary {
             is_paused: false,
             run: None,
             first_frame: None,
-            last_step: None,
             published_count: 0,
-            reason: EndReason::Interrupted,
-            ended_as_asked: false,
-            broken: None,
+            last: None,
             held_back: Duration::ZERO,
             evicted: 0,
             dropped: Vec::new(),
@@ -95,32 +91,29 @@ impl Summary {
     pub(super) fn add(&mut self, outcome: ReplayOutcome<FramesError>) {
         self.streams += 1;
         self.first_frame.get_or_insert(outcome.first_frame);
-        self.last_step = outcome.last_step;
         self.published_count += outcome.published_count;
-        self.reason = outcome.reason;
-        self.ended_as_asked = outcome.ended_as_asked;
-        self.broken = outcome.broken;
+        self.last = Some(outcome);
     }
 
     /// Prints it, and says whether anything was lost, or left out because it was `stopped`: being stopped is the only
     /// end of a loop.
-    pub(super) fn report(self, args: &ReplayArgs, stopped: bool) -> Result<Done, Failure> {
-        if self.streams == 0 {
+    pub(super) fn report(mut self, args: &ReplayArgs, stopped: bool) -> Result<Done, Failure> {
+        let Some(last) = self.last.take() else {
             notice!("stopped before the replay began");
             return Ok(Done::Lossy);
-        }
+        };
         let cut_short =
-            stopped && !args.again && !self.ended_as_asked && self.reason == EndReason::Interrupted;
-        report(args.json, &self.json(args), || self.text(args))?;
-        if let Some(broken) = self.broken {
+            stopped && !args.again && !last.ended_as_asked && last.reason == EndReason::Interrupted;
+        report(args.json, &self.json(args, &last), || self.text(args, &last))?;
+        if let Some(broken) = last.broken {
             notice!("{:#}: consumers were told that the run failed", anyhow::Error::new(broken));
-        } else if self.reason == EndReason::Unfinished {
+        } else if last.reason == EndReason::Unfinished {
             notice!("the recording was not closed: consumers were told that the run failed where it ends");
         }
-        Ok(Done::whole_if(self.reason.is_orderly() && self.evicted == 0 && !cut_short))
+        Ok(Done::whole_if(last.reason.is_orderly() && self.evicted == 0 && !cut_short))
     }
 
-    fn text(&self, args: &ReplayArgs) -> String {
+    fn text(&self, args: &ReplayArgs, last: &ReplayOutcome<FramesError>) -> String {
         let mut rows = Rows::default();
         if self.loops() > 1 {
             rows.add("loops", count(self.loops()));
@@ -131,27 +124,27 @@ impl Summary {
         rows.add("frames published", count(self.published_count));
         rows.add("wall time", duration(self.wall));
         rows.add("held back by consumers", duration(self.held_back));
-        rows.pauses(self.paused, self.evicted);
-        let end = display::end(self.reason, args.until.filter(|_| self.ended_as_asked));
+        add_pauses(&mut rows, self.paused, self.evicted);
+        let end = display::end(last.reason, args.until.filter(|_| last.ended_as_asked));
         rows.under(format_args!("{} replayed: {end}", args.file.display()))
     }
 
-    fn json(&self, args: &ReplayArgs) -> serde_json::Value {
+    fn json(&self, args: &ReplayArgs, last: &ReplayOutcome<FramesError>) -> serde_json::Value {
         json!({
             "run": self.run.as_ref().map(|(name, _)| name),
             "run_id": self.run.as_ref().map(|(_, id)| id),
             "path": args.file.to_string_lossy(),
-            "end": display::end_word(self.reason, self.ended_as_asked),
+            "end": display::end_word(last.reason, last.ended_as_asked),
             "loops": self.loops(),
             "jumps": self.seek_count,
             "first_frame": self.first_frame,
-            "last_step": self.last_step,
+            "last_step": last.last_step,
             "frames_published": self.published_count,
             "wall_s": self.wall.as_secs_f64(),
             "paused_s": self.paused.as_secs_f64(),
             "held_back_s": self.held_back.as_secs_f64(),
             "consumers_dropped": self.dropped,
-            "failure": self.broken.as_ref().map(ToString::to_string),
+            "failure": last.broken.as_ref().map(ToString::to_string),
         })
     }
 }

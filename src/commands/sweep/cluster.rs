@@ -19,14 +19,8 @@ pub(super) fn slurm(sweep: &Sweep, out: &Path, args: &SweepArgs) -> Result<Done,
         let mut rows = Rows::default();
         rows.add("script", script);
         rows.add("points", count(sweep.point_count()));
-        rows.add(
-            "tasks",
-            format_args!(
-                "{}, of {}",
-                count(array.array_size),
-                counted(sweep.point_count().div_ceil(array.array_size), "point")
-            ),
-        );
+        let points_each = sweep.point_count().div_ceil(array.array_size);
+        rows.add("tasks", format_args!("{}, of {}", count(array.array_size), counted(points_each, "point")));
         if let Some(limit) = &args.slurm.time {
             // 25:00 are minutes, whatever was meant
             let words = limit.seconds.map_or_else(|| "none".to_owned(), |seconds| left(seconds as f64));

@@ -104,7 +104,7 @@ pub(crate) fn check(
             checked.push(not_checked(format!("which nothing is recomputed for: {other}")));
             continue;
         }
-        if !found.is_sound_so_far() {
+        if !found.has_sound_states() {
             checked.push(not_checked("because something is wrong with the file or its states".to_owned()));
             continue;
         }
@@ -235,7 +235,7 @@ impl Reader {
             } else {
                 self.found
                     .not_checked
-                    .push(format!("{what}: they depend on what was before the first state"));
+                    .push(format!("{what}: they depend on frames that are not here, or that have no row"));
             }
         }
         let topic = &self.found.topic;

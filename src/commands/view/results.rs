@@ -3,7 +3,6 @@
 
 use crate::failure::{BadInput, Failure};
 use crate::frames::Frames;
-use anyhow::anyhow;
 use consumers::follow::{FrameObserver, Tally, follow};
 use consumers::pulses::{Path, Pulse, Pulses, Strongest};
 use producer::resimulation::{Lend, check_kernel};
@@ -45,8 +44,7 @@ fn recomputes(manifest: &RunManifest) -> bool {
 
 /// States that are looked at to find the pulses of a recording.
 pub(crate) fn states_looked_at(info: &RecordingInfo) -> u64 {
-    let covered = info.last_step.zip(info.first_step).map_or(0, |(last, first)| last.saturating_sub(first));
-    if recomputes(&info.manifest) { covered } else { info.frames() }
+    if recomputes(&info.manifest) { info.covered_steps() } else { info.frames() }
 }
 
 /// The pulses of the recording at `path`; steps are recomputed where it has too few, and can be. `watch` sees each frame's tally.
@@ -68,7 +66,7 @@ pub(crate) fn of_recording(
     // as for `beadline pulses`, results before a damage are kept
     let _ = follow(&mut frames, &mut tracks, &mut Tally::default(), watch);
     if stop.load(Ordering::Relaxed) {
-        return Err(Failure::Stopped(anyhow!("stopped: nothing was written")));
+        return Err(Failure::stopped());
     }
     let Tracks { mut pulses, mut strongest } = tracks;
     pulses.finish().iter().for_each(|happening| strongest.take(happening));

@@ -55,8 +55,7 @@ struct Files {
 
 enum Kind {
     Live(Arc<Watches>, Option<RunName>),
-    Recording(PathBuf),
-    /// Several, in the order in which they were named.
+    /// One or several, in the order in which they were named.
     Recordings(Vec<PathBuf>),
     Folder(PathBuf),
     Sweep(PathBuf, Box<Sweep>),
@@ -112,7 +111,7 @@ impl Runs {
                 }
                 None => Kind::Folder(path.clone()),
             },
-            file @ Named::File(_) => Kind::Recording(recording(file)?),
+            file @ Named::File(_) => Kind::Recordings(vec![recording(file)?]),
         })
     }
 
@@ -137,7 +136,6 @@ impl Runs {
                 }
                 names.iter().map(live_entry).collect()
             }
-            Kind::Recording(path) => vec![self.recording_entry(path)],
             Kind::Recordings(paths) => paths.iter().map(|path| self.recording_entry(path)).collect(),
             Kind::Folder(folder) => {
                 let found =
@@ -163,7 +161,7 @@ impl Runs {
     fn is_inside(&self, path: &Path) -> bool {
         match &self.kind {
             Kind::Folder(folder) | Kind::Sweep(folder, _) => !leads_out(path, folder),
-            Kind::Live(..) | Kind::Recording(_) | Kind::Recordings(_) => true,
+            Kind::Live(..) | Kind::Recordings(_) => true,
         }
     }
 
@@ -239,7 +237,7 @@ impl Shelf for Runs {
         match &self.kind {
             Kind::Live(_, Some(name)) => name.to_string(),
             Kind::Live(_, None) => "live runs".to_owned(),
-            Kind::Recording(path) | Kind::Folder(path) | Kind::Sweep(path, _) => name(path),
+            Kind::Folder(path) | Kind::Sweep(path, _) => name(path),
             Kind::Recordings(paths) => paths.iter().map(|path| name(path)).collect::<Vec<_>>().join(", "),
         }
     }
@@ -249,7 +247,7 @@ impl Shelf for Runs {
             let kind = match &self.kind {
                 Kind::Sweep(..) => "sweep",
                 Kind::Recordings(paths) if paths.len() == 2 => "pair",
-                Kind::Live(..) | Kind::Recording(_) if entries.len() == 1 => "one",
+                Kind::Live(..) | Kind::Recordings(_) if entries.len() == 1 => "one",
                 _ => "folder",
             };
             let keys: Vec<_> = match &self.kind {

@@ -115,6 +115,13 @@ const MORE: [(&str, &str, Floor); 6] = [
     ("resonators, N = 200", "[resonators]\nmass_kg = 1e-4\nstiffness_n_per_m = 1e5\n", Floor::AtMost(6.0)),
 ];
 
+/// The same of forces that depend on velocities, beside the chain without them by the method that takes those.
+const SLOWED: [(&str, &str, Floor); 3] = [
+    ("dashpots, N = 200", "[damping]\nviscous_n_s_per_m = 0.5\n", Floor::AtMost(2.5)),
+    ("a coefficient of restitution, N = 200", "[damping]\nrestitution = 0.9\n", Floor::AtMost(3.2)),
+    ("drag on each bead, N = 200", "[on_site]\ndrag_n_s_per_m = 0.1\n", Floor::AtMost(2.0)),
+];
+
 /// Tangents beside the state of a chain, and how many.
 const TANGENTS: [(Kind, usize); 3] = [
     (Kind { what: "8 tangents, N = 200", floor: Floor::AtMost(4.0), ..KINDS[5] }, 8),
@@ -203,17 +210,24 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
         report.row(rounds.row(kind.what, "a plain loop in C", kind.floor, figure))?;
     }
     limits(bench, report)?;
-    for (what, more, floor) in MORE {
-        let moments = |more: &str| {
-            let config = RunConfig::from_toml(&format!("{PRESSED}{more}"))?;
-            Moments::all_moving(&config, KINDS[5].steps() / 20)
-        };
-        let (with, without) = (moments(more)?, moments("")?);
-        let times = |moments: &Moments| Ok(moments.ours(Arch::new()));
+    let times = |moments: &Moments| Ok(moments.ours(Arch::new()));
+    let moments = |method: Method, more: &str| {
+        let mut config = RunConfig::from_toml(&format!("{PRESSED}{more}"))?;
+        config.integrator.method = method;
+        Moments::all_moving(&config, KINDS[5].steps() / 20)
+    };
+    let [plain_method, for_velocities] = [Method::VelocityVerlet, Method::Rk5];
+    let more = MORE.map(|row| (plain_method, row)).into_iter().chain(SLOWED.map(|row| (for_velocities, row)));
+    for (method, (what, more, floor)) in more {
+        let (with, without) = (moments(method, more)?, moments(method, "")?);
         let rounds = Rounds::alternate(bench.rounds, || times(&with), || times(&without))?;
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
         report.row(rounds.row(what, "without it", floor, figure))?;
     }
+    let (with, without) = (moments(for_velocities, "")?, moments(plain_method, "")?);
+    let rounds = Rounds::alternate(bench.rounds, || times(&with), || times(&without))?;
+    let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
+    report.row(rounds.row("rk5, pressed, N = 200", "velocity Verlet", Floor::AtMost(16.0), figure))?;
     for (kind, count) in TANGENTS {
         let moments = Moments::all_moving(&kind.config(), kind.steps() / 10 / count.div_ceil(8) as u64)?;
         let rounds = Rounds::alternate(

@@ -6,39 +6,39 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 15_140),
-    ("schemas", 9_560),
+    ("the command", 14_790),
+    ("schemas", 9_615),
     ("schemas/bus", 4_590),
     ("schemas/recording", 6_810),
     ("schemas/storage", 2_250),
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
-    ("producer", 8_930),
-    ("consumers", 6_500),
-    ("consumers/analyses", 4_610),
-    ("consumers/experiments", 1_720),
+    ("producer", 9_030),
+    ("consumers", 6_610),
+    ("consumers/analyses", 4_655),
+    ("consumers/experiments", 1_740),
     ("consumers/exports", 950),
     ("consumers/figure", 3_145),
-    ("consumers/orbits", 3_100),
+    ("consumers/orbits", 3_135),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_535),
+    ("consumers/plots", 1_570),
     ("consumers/screen", 700),
     ("consumers/waves", 1_575),
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_285),
-    ("tests/bench", 2_360),
+    ("tests/bench", 2_370),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_240;
+const MOST_LINES: usize = 82_340;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
 
 /// Files of the product that may name one analysis, one law and one method. The aims are 4, 3 and 2.
-const NAMES: [(&str, usize); 3] = [("spreading", 2), ("toda", 7), ("rk5", 11)];
+const NAMES: [(&str, usize); 3] = [("spreading", 2), ("toda", 4), ("rk5", 3)];
 
 /// Directories of the product, and how its files end.
 const PRODUCT: [&str; 7] = ["src", "schemas", "producer", "consumers", "page", "python", "relay"];

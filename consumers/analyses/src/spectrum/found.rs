@@ -271,15 +271,13 @@ impl Found {
         words.each("bands", bands_hz.iter().map(|band| range(*band, "Hz")));
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let DensitySummary { mean_square, peak_hz, peak } =
-                    DensitySummary::of(frequencies_hz, density);
-                let (rms, at) =
-                    (quantity(mean_square.sqrt(), asked.quantity.unit()), quantity(peak_hz, "Hz"));
-                let squared = asked.quantity.squared();
-                words.add(
-                    place.to_string(),
-                    format_args!("rms {rms}, most at {at}: {} {squared}/Hz", number(peak)),
-                );
+                let DensitySummary { mean_square, peak } = DensitySummary::of(frequencies_hz, density);
+                let rms = quantity(mean_square.sqrt(), asked.quantity.unit());
+                let most = peak.map_or("constant".to_owned(), |[peak_hz, peak]| {
+                    let (at, squared) = (quantity(peak_hz, "Hz"), asked.quantity.squared());
+                    format!("most at {at}: {} {squared}/Hz", number(peak))
+                });
+                words.add(place.to_string(), format_args!("rms {rms}, {most}"));
             }
         }
         words
@@ -289,13 +287,12 @@ impl Found {
         let mut places = Vec::new();
         if let Results::Spectra { frequencies_hz, densities, .. } = &self.results {
             for (place, density) in asked.places.iter().zip(densities) {
-                let DensitySummary { mean_square, peak_hz, peak } =
-                    DensitySummary::of(frequencies_hz, density);
+                let DensitySummary { mean_square, peak } = DensitySummary::of(frequencies_hz, density);
                 places.push(json!({
                     "place": place.to_string(),
                     "mean_square": mean_square,
-                    "peak_hz": peak_hz,
-                    "peak_density": peak,
+                    "peak_hz": peak.map(|[peak_hz, _]| peak_hz),
+                    "peak_density": peak.map(|[_, peak]| peak),
                 }));
             }
         }
@@ -311,7 +308,7 @@ impl Found {
         json!({
             "kind": asked.kind.title(),
             "of": asked.quantity.name(),
-            "unit": format!("{}/Hz", asked.quantity.squared()),
+            "unit": format!("{}/{}", asked.quantity.squared(), if asked.kind == Kind::Map { "(Hz·rad)" } else { "Hz" }),
             "window": if asked.window == Window::Hann { "Hann" } else { "none" },
             "overlap": if asked.kind == Kind::Spectrogram { 0.875 } else { 0.5 },
             "sampling_hz": samples.rate_hz,

@@ -1,7 +1,7 @@
 //! Exact solitary waves as displacements and velocities at step 0.
 
-use super::refused;
 use super::states::physics_of;
+use super::{add, refused};
 use consumers::deformation::Plain;
 use consumers::theory::{SolitaryWave, Strength, WaveScale};
 use schemas::chain::Chain;
@@ -20,38 +20,49 @@ const MOST_APART: i32 = 10_000;
 /// Displacements (m) and velocities (m/s) of a wave.
 type State = (Vec<f64>, Vec<f64>);
 
-/// The exact waves that `config` asks for.
+/// The lists of `config` with the exact waves that it asks for.
 ///
 /// # Errors
 /// When there is no such wave in this chain, or when two of them overlap.
-pub(super) fn waves(config: &RunConfig) -> Result<Vec<State>, ConfigError> {
+pub(super) fn with_waves(config: &RunConfig) -> Result<State, ConfigError> {
     let asked = &config.initial.solitary;
+    let (mut u_m, mut v_m_s) =
+        (config.initial.displacements_m.clone(), config.initial.velocities_m_s.clone());
     let key = |i: usize| match asked.len() {
         1 => "initial.solitary".to_owned(),
         _ => format!("initial.solitary[{i}]"),
     };
     if asked.is_empty() {
-        return Ok(Vec::new());
+        return Ok((u_m, v_m_s));
     }
     let physics = physics_of(config)?;
     let (plain, chain) = (Plain::of(&physics, true), physics.chain());
     let exact = SolitaryWave::new(physics.alpha).map_err(|error| refused(&key(0), error.to_string()))?;
+    // the places of waves so far, in their order: a wave meets its neighbours first
+    let mut places: Vec<f64> = Vec::new();
     for (i, wave) in asked.iter().enumerate() {
         check_place((&plain, &chain), &exact, wave, &key(i))?;
-        let meets = |other: &&Solitary| exact.overlap(0.5 * (wave.bead - other.bead)) > MEETING;
-        if let Some(other) = asked[..i].iter().find(meets) {
+        let meets = |other: &&f64| exact.overlap(0.5 * (wave.bead - **other)) > MEETING;
+        let next = places.partition_point(|place| *place < wave.bead);
+        if let Some(other) = places[next.saturating_sub(1)..].iter().take(2).find(meets) {
             let apart = (1..MOST_APART)
                 .find(|beads| exact.overlap(0.5 * f64::from(*beads)) <= MEETING)
                 .unwrap_or(MOST_APART);
             let message = format!(
-                "found {}, and a wave at bead {}, with which it overlaps; allowed: {apart} beads apart, where the sum of two \
+                "found {}, and a wave at bead {other}, with which it overlaps; allowed: {apart} beads apart, where the sum of two \
                  exact waves is exact",
-                wave.bead, other.bead
+                wave.bead
             );
             return Err(refused(&format!("{}.bead", key(i)), message));
         }
+        places.insert(next, wave.bead);
     }
-    asked.iter().enumerate().map(|(i, wave)| state(&chain, &exact, *wave, &key(i))).collect()
+    for (i, wave) in asked.iter().enumerate() {
+        let (more_m, more_m_s) = state(&chain, &exact, *wave, &key(i))?;
+        add(&mut u_m, more_m);
+        add(&mut v_m_s, more_m_s);
+    }
+    Ok((u_m, v_m_s))
 }
 
 /// Refuses a wave that an end would cut, or that meets at its place what no exact wave has.
@@ -75,8 +86,10 @@ fn check_place(
         ));
     }
     let is_near = |at: f64| (at - wave.bead).abs() < f64::from(away);
-    let beads = (0..chain.bead_count()).filter(|bead| is_near(*bead as f64));
-    let contacts = (0..chain.contact_count()).filter(|contact| is_near(*contact as f64 + 0.5));
+    let (crest, most) = (crest_bead(wave), away.unsigned_abs() as usize);
+    let near = |count: usize| crest.saturating_sub(most)..count.min(crest + most + 1);
+    let beads = near(chain.bead_count()).filter(|bead| is_near(*bead as f64));
+    let contacts = near(chain.contact_count()).filter(|contact| is_near(*contact as f64 + 0.5));
     let found = if chain.is_pressed() {
         Err("the chain is pressed together")
     } else {
@@ -88,6 +101,16 @@ fn check_place(
              the overlap, and no load, gaps, resonators, losses, drives or baths"
         ))
     })
+}
+
+/// The bead at the crest, or the one before it.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "checked: it is a place in the chain"
+)]
+fn crest_bead(wave: &Solitary) -> usize {
+    wave.bead as usize
 }
 
 /// The wave in the units of the chain, and whether it travels to higher bead numbers.
@@ -114,12 +137,7 @@ fn scaled(
     };
     let refuse = |why: &dyn fmt::Display| refused(&format!("{key}.{name}"), format!("found {value}; {why}"));
     // beads and contacts are alike near the crest
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked: it is a place between beads"
-    )]
-    let crest = wave.bead as usize;
+    let crest = crest_bead(&wave);
     let scale = exact.coefficients().scaled(chain.mass_kg[crest], chain.stiffness[crest], strength);
     Ok((scale.map_err(|error| refuse(&error))?, value > 0.0))
 }
@@ -184,6 +202,28 @@ mod tests {
         }
         let many = HERTZ.replace("60", "4611686018427387904");
         assert!(prepared(&many, "").is_err_and(|refused| refused.starts_with("chain.beads: found 46")));
+    }
+
+    #[test]
+    fn waves_overlap_in_whatever_order_they_are_given() {
+        let prepared = |beads: [f64; 4]| {
+            let waves = beads.map(|bead| format!("{{ bead = {bead}, velocity_m_s = 0.1 }}")).join(", ");
+            let chain = HERTZ.replace("60", "200");
+            let text =
+                format!("[chain]\n{chain}\n[initial]\nsolitary = [{waves}]\n[time]\nduration_s = 1e-3\n");
+            super::super::prepared(RunConfig::from_toml(&text).unwrap(), None)
+                .map_err(|error| error.to_string())
+        };
+        assert!(prepared([150.0, 20.0, 120.0, 60.0]).is_ok());
+        for (beads, found) in
+            [([150.0, 20.0, 60.0, 63.0], [3, 63, 60]), ([150.0, 60.0, 57.0, 20.0], [2, 57, 60])]
+        {
+            let refused = prepared(beads).expect_err("two are too near");
+            let [i, wave, other] = found;
+            let says =
+                format!("initial.solitary[{i}].bead: found {wave}, and a wave at bead {other}, with which");
+            assert!(refused.starts_with(&says), "{refused}");
+        }
     }
 
     /// The wave has the masses that the beads have, whatever else `bead_mass_kg` says; what acts elsewhere leaves it as it is.

@@ -113,7 +113,8 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
     let physics = Physics::resolve(&free)?;
     let chain = physics.chain();
     let (u_m, mut v_m_s) = physics.initial_state();
-    let is_held = [config.ends.left, config.ends.right].contains(&End::Fixed) || chain.sites.has_springs();
+    let mut springs = chain.sites.linear_n_per_m.iter().chain(&chain.sites.cubic_n_per_m3);
+    let is_held = [config.ends.left, config.ends.right].contains(&End::Fixed) || springs.any(|k| *k != 0.0);
     if !is_held {
         let sum = |of: &dyn Fn(f64, f64) -> f64| {
             chain.mass_kg.iter().zip(&v_m_s).map(|(m, v)| of(*m, *v)).sum::<f64>()
@@ -139,8 +140,13 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
         return Err(refused(key, why.to_owned()));
     }
     let (mut low, mut high) = (0.0, 1.0);
+    while energy_j(high) >= wanted_j && high > 1e-150 {
+        high *= 0.5;
+    }
+    // from far below in small steps: behind the edge of a potential a state has less energy again
+    high /= 128.0;
     while energy_j(high) < wanted_j && high < 1e150 {
-        (low, high) = (high, 2.0 * high);
+        (low, high) = (high, 1.05 * high);
     }
     // down to neighbouring doubles
     loop {
@@ -218,6 +224,47 @@ mod tests {
             let (_, v_m_s) = physics.initial_state();
             assert!(v_m_s.iter().sum::<f64>().abs() < 1e-14);
         }
+    }
+
+    /// `V(x) = x²/2 − x³ + x⁴/2` of the first bond has an edge at x = 1/2 and a second well behind it; `x²/2 − x³/12` reaches 2.6 J before
+    /// its edge at 4.
+    #[test]
+    fn a_state_grows_to_the_first_that_has_its_energy() {
+        let first_m = |bonds: &str, begin_m: f64, energy_per_bead_j: f64| {
+            let text = format!(
+                "[chain]\nbeads = 2\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0, {bonds} }}\n[initial]\n\
+                 displacements_m = [0.0, {begin_m}]\nenergy_per_bead_j = {energy_per_bead_j}\n[time]\nduration_s = 1.0\n"
+            );
+            let config = super::super::prepared(RunConfig::from_toml(&text).unwrap(), None).unwrap();
+            config.initial.displacements_m[1]
+        };
+        for (bonds, energy_j, potential_j) in [
+            (
+                "quadratic = 3.0, cubic = 2.0",
+                0.03,
+                (|x| x * x / 2.0 - x * x * x + x * x * x * x / 2.0) as fn(f64) -> f64,
+            ),
+            ("quadratic = 0.25", 2.6, |x| x * x / 2.0 - x * x * x / 12.0),
+        ] {
+            let begins: &[f64] = if energy_j < 1.0 { &[0.01, 0.3, 0.9, 1.3] } else { &[0.1, 1.5, 3.9] };
+            for begin_m in begins {
+                let x_m = first_m(bonds, *begin_m, energy_j / 2.0);
+                assert!((potential_j(x_m) / energy_j - 1.0).abs() < 1e-12, "{begin_m}: {x_m}");
+                assert!(x_m < if energy_j < 1.0 { 0.5 } else { 4.0 }, "{begin_m}: {x_m}");
+            }
+        }
+    }
+
+    #[test]
+    fn springs_without_stiffness_hold_no_chain() {
+        let momentum = |spring: f64| {
+            let of = format!(
+                "bonds = {{ linear = 1.0 }}\n[on_site]\nlinear_n_per_m = {spring}\n[initial]\nenergy_per_bead_j = 0.1\n\
+                 velocities_m_s = [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"
+            );
+            config(&of).initial.velocities_m_s.iter().sum::<f64>()
+        };
+        assert!(momentum(0.0).abs() < 1e-14 && momentum(0.1) > 1.0);
     }
 
     #[test]

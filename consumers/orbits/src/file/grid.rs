@@ -93,29 +93,33 @@ impl Grid {
     pub fn rows(&self, line: usize, stop: &AtomicBool, look: impl Fn()) -> Result<Vec<Vec<Cell>>, NoOrbit> {
         let file = &self.lines[line];
         let family = |parameter: f64| file.problem(parameter);
-        let search = match Search::begin(&family, file.from(), file.options(), stop) {
-            Err(NoOrbit::Map(MapError::Stopped)) => return Err(MapError::Stopped.into()),
-            begun => begun.ok(),
-        };
         let values = &self.values[1];
-        let row = |value: f64, found: Option<&Orbit>| shown::map_row([self.values[0][line], value], found);
-        let mut rows: Vec<Vec<Cell>> = values.iter().map(|value| row(*value, None)).collect();
-        let mut all: Vec<Option<Unknown>> = vec![None; values.len()];
-        let Some(search) = search else { return Ok(rows) };
-        for place in 0..values.len() {
-            let known = all[..place].iter().flatten().next_back();
-            if let Some(orbit) = found(&search, &[known, None], values[place])? {
-                rows[place] = row(values[place], Some(&orbit));
-                all[place] = Some(orbit.unknown);
+        let row = |value: f64, found: Result<&Orbit, &NoOrbit>| {
+            shown::map_row([self.values[0][line], value], found)
+        };
+        let search = match Search::begin(&family, file.from(), file.options(), stop) {
+            Ok(search) => search,
+            Err(why @ NoOrbit::Map(MapError::Stopped)) => return Err(why),
+            Err(why) => return Ok(values.iter().map(|value| row(*value, Err(&why))).collect()),
+        };
+        let mut rows: Vec<Vec<Cell>> = Vec::with_capacity(values.len());
+        let mut all: Vec<Option<Unknown>> = Vec::with_capacity(values.len());
+        for value in values {
+            let known = all.iter().flatten().next_back();
+            let mut orbit = found(&search, known, *value)?;
+            if known.is_some() && orbit.is_err() {
+                orbit = found(&search, None, *value)?;
             }
+            rows.push(row(*value, orbit.as_ref()));
+            all.push(orbit.ok().map(|orbit| orbit.unknown));
             look();
         }
         // beyond the end of a branch the next one may come back to where it was not yet found
         for place in (0..values.len() - 1).rev() {
             if let (None, Some(known)) = (&all[place], &all[place + 1])
-                && let Some(orbit) = found(&search, &[Some(known)], values[place])?
+                && let Ok(orbit) = found(&search, Some(known), values[place])?
             {
-                rows[place] = row(values[place], Some(&orbit));
+                rows[place] = row(values[place], Ok(&orbit));
                 all[place] = Some(orbit.unknown);
             }
         }
@@ -123,16 +127,12 @@ impl Grid {
     }
 }
 
-/// The orbit at `value` near one of `seeds`, or, for none, near that of the file.
-fn found(search: &Search<'_>, seeds: &[Option<&Unknown>], value: f64) -> Result<Option<Orbit>, NoOrbit> {
-    for seed in seeds {
-        match search.near(*seed, value) {
-            Ok(orbit) => return Ok(Some(orbit)),
-            Err(why @ NoOrbit::Map(MapError::Stopped)) => return Err(why),
-            Err(_) => {}
-        }
+/// The orbit at `value` near `seed`, or, for none, near that of the file; an error if it is stopped.
+fn found(search: &Search<'_>, seed: Option<&Unknown>, value: f64) -> Result<Result<Orbit, NoOrbit>, NoOrbit> {
+    match search.near(seed, value) {
+        Err(why @ NoOrbit::Map(MapError::Stopped)) => Err(why),
+        found => Ok(found),
     }
-    Ok(None)
 }
 
 /// The values of an axis, which are rising or falling.

@@ -221,8 +221,9 @@ impl Splitting {
         let Acts::Moves(bead) = drives.acts(d) else { return 0.0 };
         let [left, right] = self.kernel.forces_at(bead);
         let [w_m, _] = others.rows.resonators_of(&state.extra);
-        let w_m = w_m.get(bead).copied().unwrap_or(0.0);
-        self.kernel.sites().net_n(bead, left - right, state.u_m[bead], w_m)
+        let mut net_n = [left - right];
+        self.kernel.sites().add_to(&mut net_n, &(bead..bead + 1), [&state.u_m, w_m]);
+        net_n[0]
     }
 
     /// Kicks beads that have resonators, and those.

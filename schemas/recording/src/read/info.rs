@@ -146,6 +146,11 @@ impl RecordingInfo {
         Some((physics.time_s(self.first_step?), physics.time_s(self.last_step?)))
     }
 
+    /// Steps from the first recorded state to the last one.
+    pub fn covered_steps(&self) -> u64 {
+        self.last_step.zip(self.first_step).map_or(0, |(last, first)| last.saturating_sub(first))
+    }
+
     /// Size before compression over size of the file.
     pub fn compression_ratio(&self) -> f64 {
         self.uncompressed_bytes as f64 / self.file_bytes as f64

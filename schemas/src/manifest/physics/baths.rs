@@ -108,7 +108,7 @@ mod tests {
             ("[[drive]]\nbead = 2\nvelocity_m_s = 1.0", "which drive[0] moves"),
             ("temperature_k = 300", "one of temperature_j"),
             ("seed = 9007199254740992", "bath[0].seed"),
-            ("[damping]\nviscous_n_s_per_m = 1.0", "velocity-verlet, rkn4 with [[bath]]"),
+            ("[damping]\nviscous_n_s_per_m = 1.0", "found [[bath]] beside [damping]; allowed: one of them"),
             ("[integrator]\nmethod = \"gear5\"", "integrator.method"),
             ("noise = 1", "unknown key `noise`"),
         ] {
@@ -118,6 +118,10 @@ mod tests {
         for (keys, words) in [
             ("friction_per_s = -1.0\ntemperature_j = 1.0", "bath[0].friction_per_s"),
             ("friction_per_s = 1.0\ntemperature_j = -1.0", "0 or more at all times"),
+            (
+                "friction_per_s = 1.0\ntemperature_j = { step = { amplitude = -1.0, at_s = 0.0 } }",
+                "found step of -1 J at 0 s; allowed",
+            ),
             (
                 "friction_per_s = 1.0\ntemperature_j = { sine = { amplitude = 1.0, frequency_hz = 1.0 } }",
                 "0 or more",

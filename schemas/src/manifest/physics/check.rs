@@ -280,6 +280,16 @@ impl Physics {
         let is_refused =
             |feature: &Feature| !method.takes(*feature) && (is_new || self.retired() != Some(*feature));
         let Some(feature) = self.features().into_iter().find(is_refused) else { return Ok(()) };
+        let both =
+            |other: Feature| Method::ALL.iter().any(|method| method.takes(feature) && method.takes(other));
+        if let Some(other) = self.features().into_iter().find(|other| !both(*other)) {
+            let found = format!("{feature} beside {other}");
+            return Err(ConfigError::value(
+                "integrator.method",
+                found,
+                "one of them, as no method takes both",
+            ));
+        }
         let allowed = format!("{} with {feature}, which {method} does not take", Method::names_with(feature));
         Err(ConfigError::value("integrator.method", method, &allowed))
     }
@@ -289,7 +299,7 @@ impl Physics {
         let is_moved = self.typical_speed_m_s() > 0.0
             || self.typical_overlap_m() > 0.0
             || self.initial.displacements_m.iter().any(|u_m| *u_m != 0.0)
-            || self.initial.resonator_displacements_m.iter().any(|w_m| *w_m != 0.0);
+            || self.of_resonators(&self.initial.resonator_displacements_m).any(|(_, w_m)| *w_m != 0.0);
         if !is_moved && self.load.is_none() {
             if !self.is_moved_otherwise() && self.strikers.is_empty() {
                 let allowed = "a velocity other than 0: nothing else would set this chain in motion";

@@ -208,7 +208,8 @@ impl Physics {
         let mut with = |speed_m_s: f64| most = larger(most, speed_m_s.abs());
         std::iter::once(&self.striker).chain(&self.strikers).for_each(|striker| with(striker.velocity_m_s));
         let initial = &self.initial;
-        initial.velocities_m_s.iter().chain(&initial.resonator_velocities_m_s).for_each(|v| with(*v));
+        initial.velocities_m_s.iter().for_each(|v| with(*v));
+        self.of_resonators(&initial.resonator_velocities_m_s).for_each(|(_, v)| with(*v));
         initial.gaussian.iter().for_each(|bell| with(bell.velocity_m_s));
         initial.plane_wave.iter().for_each(|wave| with(wave.velocity_m_s));
         initial.mode.iter().for_each(|mode| with(mode.velocity_m_s));
@@ -226,6 +227,16 @@ impl Physics {
             }
         }
         most
+    }
+
+    /// The values of a list that are of resonators, each with the place of its bead.
+    pub(super) fn of_resonators<'a>(
+        &self,
+        list: &'a [f64],
+    ) -> impl Iterator<Item = (usize, &'a f64)> + use<'a> {
+        let mass_kg = self.resonators.as_ref().map(|resonators| resonators.mass_kg.values(list.len()));
+        let with_masses = list.iter().enumerate().zip(mass_kg.unwrap_or_default());
+        with_masses.filter(|(_, mass_kg)| *mass_kg > 0.0).map(|(value, _)| value)
     }
 
     /// The largest overlap (m) that initial displacements, drives by displacement, or drives by force give a contact; an estimate.
@@ -258,7 +269,7 @@ impl Physics {
         }
         if let Some(resonators) = &self.resonators {
             let stiffest = resonators.stiffness_n_per_m.largest();
-            for (i, w) in initial.resonator_displacements_m.iter().enumerate() {
+            for (i, w) in self.of_resonators(&initial.resonator_displacements_m) {
                 let stretch_m = w - u_m.get(i).copied().unwrap_or(0.0);
                 pushed_n = larger(pushed_n, stiffest * stretch_m.abs());
             }

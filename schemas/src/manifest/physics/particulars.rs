@@ -85,7 +85,7 @@ impl Physics {
                 Disordered::Radii => "radii",
                 Disordered::Stiffnesses => "stiffnesses",
             };
-            phrases.push(format!("disordered {of} ({}), seed {}", disorder_in_words(disorder), self.seed));
+            phrases.push(format!("disordered {of} ({})", disorder_in_words(disorder)));
         }
         let on_site = &self.on_site;
         if on_site.linear_n_per_m.is_some() || on_site.cubic_n_per_m3.is_some() {
@@ -102,9 +102,20 @@ impl Physics {
             phrases.push(format!("… ({} baths)", self.baths.len()));
         }
         phrases.extend((!self.initial.is_none()).then(|| "an initial state".to_owned()));
+        self.seeds_in_words(phrases);
         if !self.strikers.is_empty() {
             phrases.push(format!("{} strikers", self.strikers.len() + 1));
         }
+    }
+
+    /// Adds a phrase for each seed. That of the run is told where it draws, or where lists may have been drawn with it.
+    fn seeds_in_words(&self, phrases: &mut Vec<String>) {
+        let by_run = self.baths.iter().any(|bath| bath.seed.is_none());
+        let draws = by_run || !self.disorder.is_empty() || self.initial.thermal.is_some();
+        phrases.extend((draws || self.seed != 0).then(|| format!("seed {}", self.seed)));
+        let own =
+            self.baths.iter().zip(0..).filter_map(|(bath, i)| Some(format!("bath {i}: seed {}", bath.seed?)));
+        phrases.extend(own.take(SHOWN));
     }
 
     /// Adds a phrase for each number and material of an end that is given.
@@ -221,11 +232,30 @@ mod tests {
             "a ring",
             "spheres of steel (radius 4.76 mm), ρ = 2500 kg/m³, E = 70 GPa and ν = 0.2 (radius 2 mm) in turn",
             "bead 9: brass (radius 3 mm)",
-            "disordered radii (uniform ±5 %), seed 7",
-            "disordered stiffnesses (30 % times 2), seed 7",
+            "disordered radii (uniform ±5 %)",
+            "disordered stiffnesses (30 % times 2)",
             "force on bead 3: sine of 250 mN at 6300 Hz",
+            "seed 7",
         ];
         assert_eq!(Physics::resolve(&config).expect("valid").particulars(), expected);
+    }
+
+    /// Runs that differ in their seeds alone differ in nothing but that phrase.
+    #[test]
+    fn every_seed_is_told_that_draws() {
+        let seeds = |text: &str| {
+            let text = format!(
+                "chain = {{ beads = 4, bead_mass_kg = 1.0, bonds = {{ linear = 1.0 }} }}\ntime = {{ duration_s = 1.0 }}\n{text}"
+            );
+            let physics = Physics::resolve(&RunConfig::from_toml(&text).expect("valid")).expect("valid");
+            let phrases = physics.particulars().into_iter();
+            phrases.filter(|phrase| phrase.contains("seed")).collect::<Vec<_>>()
+        };
+        let bath = |more: &str| format!("bath = [{{ temperature_j = 1.0, friction_per_s = 0.1{more} }}]\n");
+        assert_eq!(seeds("striker = { bead = 0, velocity_m_s = 1.0 }"), [""; 0]);
+        assert_eq!(seeds("initial = { thermal = { energy_j = 1.0 } }"), ["seed 0"]);
+        assert_eq!(seeds(&format!("seed = 2\n{}", bath(""))), ["seed 2"]);
+        assert_eq!(seeds(&bath(", seed = 5")), ["bath 0: seed 5"]);
     }
 
     #[test]

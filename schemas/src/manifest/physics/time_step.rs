@@ -82,10 +82,10 @@ impl Physics {
             longest_s: 0.25 * (4.0 * time_s),
             by: Limit::Drag(bead),
         }));
-        allowed.extend(self.baths.iter().map(|bath| Allowed {
+        allowed.extend(self.baths.iter().zip(0..).map(|(bath, number)| Allowed {
             usual_s: 4.0 * fraction / bath.friction_per_s,
             longest_s: f64::INFINITY,
-            by: Limit::Drag(bath.beads.from.unsigned_abs()),
+            by: Limit::Bath(number),
         }));
         allowed.extend(self.drives.iter().zip(0..).filter_map(|(drive, number)| {
             let usual_s = 0.01 / drive.waveform.highest_hz()?;
@@ -387,6 +387,24 @@ mod tests {
         let (dt_s, steps) = physics.whole_steps(2.4 * longest_s, Some(longest_s)).expect("possible");
         assert_eq!(steps, 3);
         assert!(dt_s <= longest_s);
+    }
+
+    /// The bead of a resonator of 0 kg has none: its values change neither the scales nor the step.
+    #[test]
+    fn only_resonators_with_a_mass_decide() {
+        let found = |lists: &str| {
+            let text = format!(
+                "[chain]\nbeads = 2\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n[resonators]\n\
+                 mass_kg = {{ pattern = [5e-4, 0.0] }}\nstiffness_n_per_m = 1e5\n[initial]\nvelocities_m_s = [0.1, 0.0]\n{lists}\n\
+                 [time]\nduration_s = 1e-3\n"
+            );
+            let physics = Physics::resolve(&RunConfig::from_toml(&text).expect("valid")).expect("valid");
+            (physics.scales(), physics.dt_s)
+        };
+        for list in ["resonator_displacements_m", "resonator_velocities_m_s"] {
+            assert_eq!(found(&format!("{list} = [0.0, 10.0]")), found(""));
+            assert_ne!(found(&format!("{list} = [10.0, 0.0]")), found(""));
+        }
     }
 
     /// The step of `rkn4` is 0.0075 T where contacts open and close at full speed, and half of that between walls; the chains of the

@@ -30,22 +30,16 @@ pub(super) struct Choice {
     pub(super) x: String,
     /// Columns of results, or of a heat map the one of its y axis.
     pub(super) y: Vec<String>,
-    pub(super) drawn: Drawn,
+    /// A curve for each value of this column; of a heat map there are none.
+    pub(super) by: Option<String>,
+    /// This column in colours, and no curves.
+    pub(super) heat: Option<String>,
     /// Swept columns in which rows differ that fall on one point.
     pub(super) averaged: Vec<String>,
     /// Rows that lie beside each other differ in more than x.
     pub(super) scattered: bool,
     /// True if the x axis and the y axis are logarithmic.
     pub(super) log: [bool; 2],
-}
-
-/// Kind of a drawing.
-#[derive(Debug)]
-pub(super) enum Drawn {
-    /// A curve for each value of a column, if there is one.
-    Curves { by: Option<String> },
-    /// A column in colours.
-    Heat { heat: String },
 }
 
 impl Choice {
@@ -98,7 +92,7 @@ impl Choice {
             }
         }
         let log = log(args, columns, [Some(&x), None])?;
-        Ok(Self { x, y, drawn: Drawn::Curves { by }, averaged, scattered, log })
+        Ok(Self { x, y, by, heat: None, averaged, scattered, log })
     }
 
     fn map(
@@ -122,21 +116,7 @@ impl Choice {
         };
         let (averaged, _) = rest(columns, &[x.as_str(), y.as_str()], varying)?;
         let log = log(args, columns, [Some(&x), Some(&y)])?;
-        Ok(Self { x, y: vec![y], drawn: Drawn::Heat { heat }, averaged, scattered: false, log })
-    }
-
-    pub(super) fn by(&self) -> Option<&str> {
-        match &self.drawn {
-            Drawn::Curves { by } => by.as_deref(),
-            Drawn::Heat { .. } => None,
-        }
-    }
-
-    pub(super) fn heat(&self) -> Option<&str> {
-        match &self.drawn {
-            Drawn::Curves { .. } => None,
-            Drawn::Heat { heat } => Some(heat),
-        }
+        Ok(Self { x, y: vec![y], by: None, heat: Some(heat), averaged, scattered: false, log })
     }
 }
 

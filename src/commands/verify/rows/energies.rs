@@ -25,10 +25,11 @@ pub(super) struct EnergyRows {
     first_step: Option<u64>,
     /// Which of the two the corrected energies may be of, or of an analysis that came after the pulse had arrived.
     possible: [bool; 3],
-    inconsistent_from: Option<u64>,
-    /// True if a column that depends on the split bead has differed.
-    differs_in_split: bool,
-    differs_elsewhere: bool,
+    inconsistent_from: Option<(u64, bool)>,
+    /// True if a frame between two rows had none: the analysis may have missed it.
+    has_gap: bool,
+    /// True if a column that depends on the split bead has differed, and one that does not.
+    differs: [bool; 2],
     /// The last frame with a row, once one has differed.
     last: Option<(ChainState, [f64; EnergyRow::COLUMNS.len()])>,
 }
@@ -47,8 +48,8 @@ impl EnergyRows {
             first_step: None,
             possible: [true; 3],
             inconsistent_from: None,
-            differs_in_split: false,
-            differs_elsewhere: false,
+            has_gap: false,
+            differs: [false; 2],
             last: None,
         }
     }
@@ -73,6 +74,7 @@ impl EnergyRows {
         let [first, second] = &mut self.since;
         let computed = first.observe(frame).values();
         let since_row = if self.has_begun { second.observe(frame).values() } else { computed };
+        self.has_gap |= self.has_begun && found.is_none();
         let found = found?;
         let corrected = found[CORRECTED];
         let is = [computed[CORRECTED], since_row[CORRECTED], f64::NAN].map(|value| is_same(value, corrected));
@@ -80,15 +82,15 @@ impl EnergyRows {
             *possible &= is;
         }
         if !self.possible.contains(&true) {
-            self.inconsistent_from.get_or_insert(frame.frame);
+            let is_wrong = self.first_step == Some(0) && !self.has_gap;
+            self.inconsistent_from.get_or_insert((frame.frame, is_wrong));
         }
         let mut columns = (0..computed.len()).filter(|column| *column != CORRECTED);
         let column = columns.find(|column| !is_same(computed[*column], found[*column]));
         if let Some(column) = column {
-            self.differs_in_split |= OF_SPLIT.contains(&column);
-            self.differs_elsewhere |= !OF_SPLIT.contains(&column);
+            self.differs[usize::from(!OF_SPLIT.contains(&column))] = true;
         }
-        if self.differs_in_split {
+        if self.differs[0] {
             self.last = Some((ChainState::of_frame(frame), *found));
         }
         let column = column?;
@@ -97,15 +99,15 @@ impl EnergyRows {
     }
 
     /// The first frame from which on the corrected energies are of no analysis that saw what we do; whether that is wrong,
-    /// because we saw all of the run.
+    /// because we saw all of the run, and the rows are of all of its frames.
     pub(super) fn inconsistent_from(&self) -> Option<(u64, bool)> {
-        Some((self.inconsistent_from?, self.first_step == Some(0)))
+        self.inconsistent_from
     }
 
     /// Another bead that divides the last frame as its row has it, if rows differ as if there were one.
     pub(super) fn other_split(&self, manifest: &RunManifest) -> Option<u64> {
         let (state, found) = self.last.as_ref()?;
-        if self.differs_elsewhere || manifest.physics.beads > MOST_BEADS {
+        if self.differs[1] || manifest.physics.beads > MOST_BEADS {
             return None;
         }
         let frame = state.as_frame(manifest, manifest.frame_at(state.step));

@@ -27,6 +27,8 @@ pub enum Limit {
     Damping,
     /// The drag of this bead.
     Drag(u64),
+    /// The friction of this bath.
+    Bath(u64),
     /// This drive.
     Drive(u64),
 }
@@ -60,6 +62,7 @@ impl Physics {
             Limit::Resonator(bead) => format!("by the resonator of bead {bead}"),
             Limit::Damping => "by the damping".to_owned(),
             Limit::Drag(bead) => format!("by the drag of bead {bead}"),
+            Limit::Bath(number) => format!("by the friction of bath {number}"),
             Limit::Drive(number) => format!("by drive {number}"),
         }
     }
