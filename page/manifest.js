@@ -201,8 +201,8 @@ function rulesOf(beads, contacts) {
       initial: object(
         {},
         {
-          ...{ displacements_m: list(finite), velocities_m_s: list(finite), solitary: list(text, 0, 0) },
-          ...{ resonator_displacements_m: list(finite), resonator_velocities_m_s: list(finite) },
+          ...{ displacements_m: list(finite, 1), velocities_m_s: list(finite, 1), solitary: list(text, 0, 0) },
+          ...{ resonator_displacements_m: list(finite, 1), resonator_velocities_m_s: list(finite, 1) },
           gaussian: object({ bead: finite, width_beads: positive }, moved),
           plane_wave: object({ cycles: finite }, { ...moved, phase_rad: finite }),
           mode: object({ number: count(1, beads) }, moved),

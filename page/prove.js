@@ -7,6 +7,7 @@ const NOT_KNOWN = [
   "`/chain`, which is taken as it is: nothing here makes it from the manifest",
   "summaries, rows of results, indexes and `run.toml`: `beadline verify` compares them",
   "who made it, where and when: name, run id, program, host and start",
+  "whose it is: author, ORCID, licence and DOI",
 ];
 
 /**

@@ -5,11 +5,14 @@ use crate::failure::{BadInput, Failure};
 use crate::time_step::{self, TimeStep};
 use anyhow::{Context, anyhow};
 use recording::RecordingInfo;
-use schemas::config::{ConfigError, DRAWS, Impurity, OWN_STIFFNESSES, RunConfig, StrikerConfig, Strikers};
+use schemas::config::{
+    ConfigError, DRAWS, End, Impurity, MassRule, OWN_STIFFNESSES, RunConfig, StiffnessRule, StrikerConfig,
+    Strikers,
+};
 use schemas::manifest::{Origin, RunManifest};
 use schemas::presets::{PRESETS, Preset};
+use schemas::text;
 use std::fmt::Write;
-use std::fs;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -46,7 +49,7 @@ pub(crate) struct Asked<'a> {
 pub(crate) fn configure(args: &Asked<'_>) -> Result<Configured, Failure> {
     let (text, mut config) = if let Some(path) = args.config {
         let unreadable = || format!("{} cannot be read", path.display());
-        let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
+        let text = text::read(path).with_context(unreadable).bad_input()?;
         let config = RunConfig::from_toml(&text).map_err(|e| e.located(&text, Some(path))).bad_input()?;
         (text, config)
     } else {
@@ -55,11 +58,10 @@ pub(crate) fn configure(args: &Asked<'_>) -> Result<Configured, Failure> {
     };
     let written = config.clone();
     let replaced = apply(args, &mut config);
-    let of_bonds = ["--alpha", "--stiffness"];
-    if let (Some((_, flag)), true) =
-        (replaced.iter().find(|(_, flag)| of_bonds.contains(flag)), config.chain.bonds.is_some())
+    if let Some((flag, allowed)) =
+        replaced.iter().find_map(|(_, flag)| Some((flag, without_effect(flag, &config)?)))
     {
-        return Err(bad_input!("{flag}: allowed: {OWN_STIFFNESSES}"));
+        return Err(bad_input!("{flag}: allowed: {allowed}"));
     }
     if let (Some(seed), false) = (args.overrides.seed, config.draws()) {
         return Err(bad_input!("--seed {seed}: allowed: {DRAWS}"));
@@ -179,6 +181,32 @@ fn apply(args: &Asked<'_>, config: &mut RunConfig) -> Vec<Replaced> {
         set(r, ("provenance.doi", "--doi"), &mut credit.doi, doi.clone().map(Some));
     }
     replaced
+}
+
+/// Allowed values of `flag` in a chain in which its number moves no bead: there it would only set the scales L and T.
+fn without_effect(flag: &str, RunConfig { chain, ends, damping, .. }: &RunConfig) -> Option<&'static str> {
+    let is_at = |end| [ends.left, ends.right].contains(&end);
+    let is_free = [ends.left, ends.right] == [End::Free; 2];
+    match flag {
+        "--alpha" | "--stiffness" if chain.bonds.is_some() => Some(OWN_STIFFNESSES),
+        "--alpha" if chain.alphas.is_some() && damping.is_none() && is_free => {
+            Some("nothing beside chain.alphas, which has the α of each contact")
+        }
+        "--stiffness"
+            if is_free && matches!(chain.stiffnesses, StiffnessRule::Pattern(_) | StiffnessRule::List(_)) =>
+        {
+            Some("nothing beside chain.stiffnesses, which has the stiffness of each contact")
+        }
+        // the usual drag of an absorbing end follows from the scales
+        "--bead-mass"
+            if matches!(chain.masses, MassRule::PatternKg(_) | MassRule::ListKg(_))
+                && chain.stiffnesses != StiffnessRule::Radii
+                && !is_at(End::Absorbing) =>
+        {
+            Some("nothing beside chain.masses, which has the mass of each bead")
+        }
+        _ => None,
+    }
 }
 
 /// The effective configuration, with a line that says what it was made from, and one about how a time step

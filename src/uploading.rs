@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use storage::{Begun, Errand, Outcome, SendError, SendOptions, Sender, Sent, StorageError, is_url};
+use storage::{Begun, Errand, Outcome, Reader, SendError, SendOptions, Sender, Sent, StorageError, is_url};
 
 /// Place of a recording until it is behind its URL.
 #[derive(Debug, Clone)]
@@ -70,16 +70,22 @@ impl Spool {
         // a shorter recording would leave the later parts of the one before
         let replace = replace && !self.is_split;
         let options = SendOptions { run, expected_bytes, replace, keep: false };
-        Begun::new(self.errand(1), options).map_err(|error| match error {
-            SendError::Store { url, source: StorageError::Exists } if self.is_split => {
-                let url = url.display().to_string();
-                let all = url.replace("-part-0001", "-part-*");
-                bad_input!(
-                    "{url} exists already, and parts in a store are not replaced; choose another name, or delete {all} first"
-                )
-            }
+        let exists = |number| {
+            let [url, first] = [number, 1].map(|number| self.errand(number).url.display().to_string());
+            let all = first.replace("-part-0001", "-part-*");
+            bad_input!(
+                "{url} exists already, and parts in a store are not replaced; choose another name, or delete {all} first"
+            )
+        };
+        let begun = Begun::new(self.errand(1), options).map_err(|error| match error {
+            SendError::Store { source: StorageError::Exists, .. } if self.is_split => exists(1),
             error => error.into(),
-        })
+        })?;
+        if self.is_split && Reader::open(&self.errand(2).url).is_ok() {
+            begun.give_up();
+            return Err(exists(2));
+        }
+        Ok(begun)
     }
 
     /// Sends what is written from now on.

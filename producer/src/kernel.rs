@@ -197,8 +197,8 @@ impl Kernel {
             springs: (springs, [&linear, &cubic]),
         };
         let constants = Constants::of(contacts);
-        // a root of fewer numbers comes sooner, and a short chain waits for it
-        let waits_for_roots = width == 1 && count <= 32 && constants.has_law && chain.law.alpha() == 1.5;
+        // a slow root of fewer numbers comes sooner, and a short chain waits for it
+        let waits_for_roots = width == 1 && count <= 32 && constants.has_law && chain.law.has_slow_roots();
         Self {
             arch,
             arch_of_sweeps: if waits_for_roots { narrower(arch) } else { arch },

@@ -26,7 +26,7 @@ pub use identity::MOST_CHECKED;
 use definition::{Axis, Definition, Setting};
 use schemas::config::{ConfigError, RunConfig};
 use schemas::manifest::{Origin, Physics, RunManifest};
-use std::fs;
+use schemas::text;
 use std::io;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -168,8 +168,8 @@ impl Sweep {
     /// or when there are too many points.
     pub fn read(path: &Path, hooks: Hooks) -> Result<Self, SweepError> {
         let unreadable = |source| SweepError::Unreadable { path: path.to_owned(), source };
-        let text = fs::read_to_string(path).map_err(unreadable)?;
-        Self::from_toml(&text, path, |path| fs::read_to_string(path), hooks)
+        let text = text::read(path).map_err(unreadable)?;
+        Self::from_toml(&text, path, text::read, hooks)
     }
 
     /// Like [`Sweep::read`] for the contents `text` of the file `path`; `read` gives the contents of the file

@@ -46,8 +46,8 @@ class Chain:
         alphas: Exponents of the contacts: a number, N − 1 values, or ``{"pattern": [1.5, 2]}``.
         second: A second power that is added to every force: ``{"alpha": 3, "stiffness": 1e12}``.
         gaps_m: Gap of each contact (m) where both displacements are 0: a number, N − 1 values, or a pattern.
-        bonds: Springs that pull as well as push, in place of contacts: ``{"linear": 1.0, "quadratic": 0.25, "cubic": 0.0}``;
-            CONFIGURATION has the exponential ones.
+        bonds: Springs that pull as well as push, in place of contacts: ``{"linear": 1.0, "quadratic": 0.25, "cubic": 0.0}``, or
+            ``{"toda": {"stiffness": 1.0, "steepness_per_m": 1.0}}``.
         disorder: Random factors: ``[{"of": "masses", "uniform": 0.2}]``. They follow from the ``seed`` of the run.
         on_site: Springs that hold each bead at its place, and drag: ``linear_n_per_m``, ``cubic_n_per_m3``, ``drag_n_s_per_m``.
         resonators: A mass on a spring inside each bead: ``{"mass_kg": 1e-3, "stiffness_n_per_m": 1e4}``.

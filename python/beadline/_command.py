@@ -104,6 +104,7 @@ _WRONG = (
     (r"invalid value '(?P<found>.*?)' for '--(?P<flag>[a-z-]+).*?': (?P<why>.*)", "{key}: found {found}; {why}"),
     (r"invalid value '(?P<found>.*?)' for '--(?P<flag>[a-z-]+).*?' \[possible values: (?P<why>.*)\]", "{key}: found {found}; expected {why}"),
     (r"--(?P<flag>[a-z-]+) (?P<found>[^:]+|\w+:\S+): (?P<why>.*)", "{key}: found {found}; {why}"),
+    (r"the argument '(?P<found>--[a-z-]+).*?' cannot be used with '--(?P<flag>[a-z-]+).*?'(?P<why>).*", "{key}: found it beside {found}; expected one of them"),
     (r"the following required arguments were not provided: --(?P<flag>[a-z-]+)(?P<found>)(?P<why>).*", "{key}: found none; expected one or more"),
 )
 

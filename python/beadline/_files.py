@@ -112,7 +112,7 @@ def export(
         beads: Only these beads: ``slice(100, 200)``.
         every: Only each of so many steps; those that were not kept are recomputed.
         every_step: Or every step.
-        clouds: Point clouds of the chain, of ``"foxglove"``; by default 300.
+        clouds: Point clouds of the chain, only with ``to="foxglove"``; by default 300.
         jobs: Threads that recompute; by default one for each core.
         force: Replace a file that exists.
 
@@ -120,6 +120,8 @@ def export(
         FileExistsError: If there is such a file.
         CommandValueError: If the format is not known.
     """
+    if clouds is not None and to != "foxglove":
+        raise ValueError(f"clouds: found {clouds!r} for a format without point clouds; allowed: with to='foxglove'")
     part = {"from": in_si("from_s", from_s), "until": in_si("until_s", until_s), "beads": range_of("beads", beads)}
     steps = {"every-steps": None if every is None else count("every", every), "every-step": every_step}
     return _make(rec, "export", path, force, {"to": to, **part, **steps, "clouds": clouds, "jobs": jobs})

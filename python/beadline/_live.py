@@ -17,6 +17,7 @@ from . import _native
 from ._chain import number
 from ._native import Frame as Frame
 from ._native import Live as Live
+from ._numbers import name_and_unit
 from .errors import BeadlineError
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def attach(
     Args:
         name: The run; by default the only one.
         latest: Never hold the run back, and count missed frames. By default every frame comes.
-        timeout_s: Longest wait for the run (s); ``None``: for ever.
+        timeout_s: Longest wait for the run to be there (s); ``None``: for ever. Joining a run that another consumer holds back may take
+            longer.
         label: Name of this consumer for others.
 
     Raises:
@@ -251,9 +253,9 @@ class Consumer:
         Args:
             source: ``"live"`` (the only live run), ``"live:NAME"``, a recording or its path.
             publish: Put the rows on the bus while they come, for ``beadline record`` and others.
-            latest: Never hold a live run back.
-            every_step: All steps of a recording, not only the recorded ones.
-            timeout_s: Longest wait for a live run (s).
+            latest: Never hold a live run back; of a recording every frame comes.
+            every_step: All steps of a recording, not only the recorded ones; of a live run all that it publishes come.
+            timeout_s: Longest wait for a live run to be there (s); a recording is there, or is not found at once.
 
         Raises:
             LostError: If frames of a live run were lost.
@@ -317,7 +319,9 @@ class Consumer:
         width = len(rows[0][3]) if rows else len(self.columns)
         names = self.columns
         if len(names) != width:
-            names = [f"{names[0]}_{place}" for place in range(width)]
+            # the unit stays at the end
+            cut = len(name_and_unit(names[0])[0])
+            names = [f"{names[0][:cut]}_{place}{names[0][cut:]}" for place in range(width)]
         values = np.array([row for *_, row in rows], dtype=np.float64).reshape(len(rows), width)
         return Table(
             {

@@ -264,7 +264,7 @@ class Recording(Analyses):
 
     @cached_property
     def rest_overlap_m(self) -> Doubles:
-        """Overlap of each contact at rest (m), N − 1 values, in a ring N; 0 without a load."""
+        """Overlap of each contact at rest (m), N − 1 values, in a ring N; without a load 0, or minus the gap."""
         return _read_only(self._manifest.rest_overlap_m)
 
     @cached_property

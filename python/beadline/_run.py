@@ -56,8 +56,7 @@ class Run:
         seed: Seed of disorder, thermal velocities and baths.
         duration_s: Simulated time (s).
         dt_s: Time step (s); by default a fraction of the collision time.
-        method: ``"rkn4"``, ``"velocity-verlet"`` or another one of CONFIGURATION; by default ``"rkn4"``, or one that can compute the
-            chain.
+        method: ``"rkn4"``, ``"velocity-verlet"``, ``"gear5"`` or ``"rk5"``; by default ``"rkn4"``, or one that can compute the chain.
         name: Name on the bus and in files, of ``a`` to ``z``, digits and ``-``.
         publish_every: Steps from one frame to the next.
 

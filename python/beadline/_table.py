@@ -35,8 +35,8 @@ class Table(dict[str, Column]):
 
     ``table["total_j"]`` is a column, ``table[["time_s", "total_j"]]`` a table of some columns, ``table[:100]`` and
     ``table[table["time_s"] > 0.01]`` are tables of some rows. ``len(table)`` is the number of rows, unlike that of other
-    dictionaries. Whole numbers are int64; where one is missing the column is of doubles, and so are all columns of an
-    analysis that has found no row. A missing number is NaN, a missing word ``""``.
+    dictionaries. Whole numbers are int64; where one is missing the column is of doubles, and so is any column that an
+    analysis leaves empty, also one of words. A missing number is NaN, a missing word ``""``.
 
     ``pd.DataFrame(table)``, ``pl.DataFrame(table)``, ``pa.table(table)`` and ``np.asarray(table)``, which has a field for each column,
     have all columns.

@@ -57,6 +57,7 @@ impl Stop {
 struct Run {
     name: RunName,
     manifest: Manifest,
+    json: String,
     first_frame: u64,
     mass_kg: Py<PyArray1<f64>>,
 }
@@ -194,8 +195,7 @@ impl Frame {
     /// In another process it is a ``State``.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let make = py.import("beadline._recording")?.getattr("of_frame")?;
-        let json = self.run.manifest.run.to_json();
-        Ok((make, (PyBytes::new(py, json.as_bytes()), state_of(py, &self.state())?)))
+        Ok((make, (PyBytes::new(py, self.run.json.as_bytes()), state_of(py, &self.state())?)))
     }
 
     fn __repr__(&self) -> String {
@@ -339,7 +339,7 @@ impl Live {
     /// The manifest of the run.
     #[getter]
     fn manifest<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("json")?.call_method1("loads", (self.run.manifest.run.to_json(),))
+        py.import("json")?.call_method1("loads", (&self.run.json,))
     }
 
     /// The first frame that is guaranteed to come.
@@ -475,6 +475,7 @@ fn attach(
     let run = Run {
         name: manifest.provenance.name.clone(),
         manifest: Manifest::new(manifest.clone(), None),
+        json: manifest.to_json(),
         first_frame,
         mass_kg: mass_kg.unbind(),
     };

@@ -1,19 +1,24 @@
 //! Analyses that are written in Python, in the list of all: sweeps name their numbers like ours.
 
 use crate::arrays::of;
+use crate::errors::Why;
 use crate::manifest::Manifest;
 use consumers::analysis::{Analysis, Beginning, Meaning, Offer, Outlet, Refusal};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use schemas::frame::Frame;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The function of each name that begins to look at a run.
 static BEGIN: Mutex<BTreeMap<&'static str, Py<PyAny>>> = Mutex::new(BTreeMap::new());
 
-/// The first exception since the last look.
-static RAISED: Mutex<Option<PyErr>> = Mutex::new(None);
+thread_local! {
+    /// The first exception in the work of this thread, and the flag that stops all of that work.
+    static RAISED: RefCell<(Option<PyErr>, Arc<AtomicBool>)> = RefCell::default();
+}
 
 /// Adds an analysis to the list, or puts it in the place of one of this name. `begin` takes a [`Manifest`] and gives a function
 /// from `(frame, step, time_s, u, v, extra)` to a row; `columns` are names and meanings.
@@ -30,21 +35,27 @@ pub(crate) fn add_analysis(
     let name: &'static str = name.leak();
     let offer = Offer { name, about: about.leak(), columns, begin: begun, ..Offer::PLAIN };
     analyses::add(Box::leak(Box::new(offer))).map_err(PyValueError::new_err)?;
-    BEGIN.lock().unwrap_or_else(PoisonError::into_inner).insert(name, begin);
+    // the one before may run Python where it is dropped, which is after the lock
+    let _before = BEGIN.lock().unwrap_or_else(PoisonError::into_inner).insert(name, begin);
     Ok(())
 }
 
-/// The exception that an analysis raised since the last look.
-pub(crate) fn raised() -> Option<PyErr> {
-    RAISED.lock().unwrap_or_else(PoisonError::into_inner).take()
+/// Does `work` in this thread; an exception of an analysis sets `stop`, and is the error.
+pub(crate) fn raising(stop: &Arc<AtomicBool>, work: impl FnOnce() -> Result<(), Why>) -> Result<(), Why> {
+    RAISED.set((None, Arc::clone(stop)));
+    let done = work();
+    RAISED.take().0.map_or(done, |error| Err(error.into()))
 }
 
 fn begun(beginning: &Beginning<'_>) -> Result<Box<dyn Analysis>, Refusal> {
     let row = Python::attach(|py| {
-        let begin = BEGIN.lock().unwrap_or_else(PoisonError::into_inner);
-        let begin = begin.get(beginning.name).map(|begin| begin.clone_ref(py));
+        // the lock is free again when Python runs: another thread waits for it with the interpreter in its hands
+        let found = {
+            let all = BEGIN.lock().unwrap_or_else(PoisonError::into_inner);
+            all.get(beginning.name).map(|begin| begin.clone_ref(py))
+        };
         let manifest = Manifest::new(beginning.manifest.clone(), None);
-        begin.map(|begin| begin.call1(py, (manifest,))).transpose()
+        found.map(|begin| begin.call1(py, (manifest,))).transpose()
     });
     match row {
         Ok(Some(row)) => Ok(Box::new(Own { row: Some(row) })),
@@ -70,7 +81,10 @@ impl Analysis for Own {
             Ok(row) => out.row(frame, &row),
             Err(error) => {
                 self.row = None;
-                RAISED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                RAISED.with_borrow_mut(|(raised, stop)| {
+                    stop.store(true, Ordering::Relaxed);
+                    raised.get_or_insert(error);
+                });
             }
         }
     }

@@ -155,14 +155,14 @@ pub(crate) fn shared<T: Send>(
     count: usize,
     threads: Option<NonZero<usize>>,
     tell: Option<&Py<PyAny>>,
-    work: impl Fn(&AtomicBool, &[usize], &mut Vec<(usize, T)>) -> Result<(), Why> + Send + Sync,
+    work: impl Fn(&Arc<AtomicBool>, &[usize], &mut Vec<(usize, T)>) -> Result<(), Why> + Send + Sync,
 ) -> PyResult<Vec<Option<T>>> {
     let threads = threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
     let threads = threads.min(count).max(1);
     let most = Lanes::most().min(count.div_ceil(threads)).max(1);
     let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
     detached(py, || {
-        let stop = &AtomicBool::new(false);
+        let stop = &Arc::<AtomicBool>::default();
         let (mut done, mut looked, mut raised) = (0_usize, Instant::now(), None);
         let work = |_, batch: &[usize], results: &mut Vec<_>| work(stop, batch, results);
         // what is heard is heard in the thread that Python called, at least every 100 ms

@@ -252,7 +252,7 @@ pub(crate) fn simulate_all<'py>(
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<(States, Bound<'py, PyDict>)>> {
     let runs: Vec<_> = manifests.iter().map(|manifest| Arc::clone(&manifest.run)).collect();
-    let simulate = |stop: &AtomicBool, batch: &[usize], done: &mut Vec<(usize, Made)>| {
+    let simulate = |stop: &Arc<AtomicBool>, batch: &[usize], done: &mut Vec<(usize, Made)>| {
         for together in Together::of(batch.iter().map(|number| &*runs[*number])) {
             let numbers: Vec<usize> = together.numbers().iter().map(|place| batch[*place]).collect();
             let takers = numbers.iter().map(|_| (Publisher::Nobody, Memory::default(), Stoppable(stop)));

@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use std::fs::read_to_string;
 use std::num::NonZero;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -121,20 +122,21 @@ impl Sweep {
         if let Some(index) = indices.iter().find(|index| **index >= self.point_count()) {
             return Err(PyIndexError::new_err(format!("there is no point {index}")));
         }
-        let compute = |stop: &AtomicBool, batch: &[usize], rows: &mut Vec<(usize, Vec<Cell>)>| {
+        let compute = |stop: &Arc<AtomicBool>, batch: &[usize], rows: &mut Vec<(usize, Vec<Cell>)>| {
             let at = At::default();
             let asked = batch.iter().map(|job| {
                 let signals = Signals { stop, at: &at };
                 Asked { index: indices[*job], recording: None, signals }
             });
             let asked = asked.collect::<Vec<_>>();
-            row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
-                rows.push((batch[place], row));
-                Ok(())
+            own::raising(stop, || {
+                row::compute::<Why>(&self.sweep, &asked, &beadline::origin(), |place, row, _| {
+                    rows.push((batch[place], row));
+                    Ok(())
+                })
             })
         };
-        let rows = shared(py, indices.len(), jobs, on_progress.as_ref(), compute);
-        let rows = own::raised().map_or(rows, Err)?;
+        let rows = shared(py, indices.len(), jobs, on_progress.as_ref(), compute)?;
         let values = |(row, index): (Option<Vec<Cell>>, u64)| match row {
             Some(cells) => Ok(cells.into_iter().map(Value::Cell).collect()),
             None => self.of_broken(index),

@@ -61,6 +61,10 @@ def test_a_recording_becomes_other_files(rec: bl.Recording, tmp_path: Path) -> N
         rec.export(tmp_path / "part.npz")
     with pytest.raises(bl.CommandValueError, match="^to: found exe; expected npz, csv"):
         rec.export(tmp_path / "part.exe", to="exe")
+    with pytest.raises(bl.CommandValueError, match="^every: found it beside every_step=True; expected one of them$"):
+        rec.export(tmp_path / "part.csv", every=3, every_step=True)
+    with pytest.raises(ValueError, match="^clouds: found 3 for a format without point clouds"):
+        rec.export(tmp_path / "part.csv", clouds=3)
     thin = rec.thin(tmp_path / "thin.mcap", 100)
     assert thin.record_every == 100 and np.array_equal(thin.velocity[::7], rec.velocity[::7])
     with pytest.raises(FileExistsError):

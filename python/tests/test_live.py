@@ -405,7 +405,7 @@ def test_a_row_of_another_width_names_both(processes: Processes, root: Path) -> 
     missing = bl.consumer(columns=["a_m"])(lambda frame: float("nan"))
     assert np.isnan(missing.follow(root / "light.mcap")["a_m"]).all()
     wide = bl.consumer(columns=["v_m_s"], name="wide")(lambda frame: frame.velocity_m_s[:3])
-    assert list(wide.follow(root / "light.mcap"))[3:] == ["v_m_s_0", "v_m_s_1", "v_m_s_2"]
+    assert list(wide.follow(root / "light.mcap"))[3:] == ["v_0_m_s", "v_1_m_s", "v_2_m_s"]
 
 
 def test_columns_that_a_table_would_lose_are_refused() -> None:

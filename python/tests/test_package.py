@@ -48,6 +48,7 @@ def test_the_command_of_the_package_records_and_verifies(tmp_path: Path) -> None
 
 def test_ctrl_c_ends_a_command_that_does_not_look_for_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
+        silent.settimeout(30)
         url = f"http://127.0.0.1:{silent.getsockname()[1]}/run.mcap"
         process = subprocess.Popen([sys.executable, "-m", "beadline", "info", url])
         connection, _ = silent.accept()

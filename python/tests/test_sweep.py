@@ -7,6 +7,7 @@ import sys
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -284,3 +285,58 @@ def test_an_analysis_of_ones_own_that_raises_ends_the_sweep() -> None:
         bl.sweep(run, {"chain.alpha": [1.5]}, measure=["wrong.a_m"])
     with pytest.raises(ValueError, match="energies"):
         bl.analysis(columns={"a_m": "nothing"}, name="energies")(Wrong.function)
+
+
+def test_an_exception_is_raised_by_the_sweep_that_it_is_of_and_ends_it() -> None:
+    raised = Event()
+    begun: list[object] = []
+
+    @bl.analysis(columns={"a_m": "nothing"})
+    class Guilty:
+        def __init__(self) -> None:
+            begun.append(self)
+
+        def frame(self, frame: object) -> float:
+            raised.set()
+            raise RuntimeError("of mine")
+
+    @bl.analysis(columns={"a_m": "nothing"})
+    class Innocent:
+        def frame(self, frame: object) -> float:
+            # its sweep ends while the other has an exception
+            assert raised.wait(60)
+            return 1.0
+
+    run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
+
+    def swept(name: str, points: int) -> bl.Table:
+        alphas = [1.5 + 0.01 * point for point in range(points)]
+        return bl.sweep(run, {"chain.alpha": alphas}, measure=[f"{name}.a_m"], jobs=1)
+
+    with ThreadPoolExecutor(2) as pool:
+        innocent, guilty = pool.submit(swept, "innocent", 1), pool.submit(swept, "guilty", 100)
+        with pytest.raises(RuntimeError, match="of mine"):
+            guilty.result()
+        assert innocent.result()["innocent.a_m"].tolist() == [1.0]
+    # those beside each other in the processor's registers
+    assert len(begun) <= 8
+
+
+SLOW = """
+import time
+import beadline as bl
+@bl.analysis(columns={"a_m": "nothing"})
+class Slow:
+    def __init__(self):
+        time.sleep(0.001)
+    def frame(self, frame):
+        return 1.0
+run = bl.preset("homogeneous").replace({"chain.beads": 20, "time.duration_s": 2e-4})
+alphas = [1.5 + 0.01 * point for point in range(40)]
+print(bl.sweep(run, {"chain.alpha": alphas}, measure=["slow.a_m"], jobs=2)["slow.a_m"].sum())
+"""
+
+
+def test_an_analysis_that_lets_others_have_the_interpreter_is_begun_in_two_threads() -> None:
+    done = subprocess.run([sys.executable, "-c", SLOW], capture_output=True, text=True, check=True, timeout=60)
+    assert float(done.stdout) == 40.0

@@ -75,7 +75,7 @@ pub struct Log<P> {
     /// Longest silence of a far side.
     patience: Duration,
     ended: bool,
-    /// Rows that were left out because nobody fetched them in time.
+    /// Rows that never came, or were left out because nobody fetched them in time.
     rows_lost: u64,
     /// Far sides that were given up before they had everything.
     given_up: u64,
@@ -218,7 +218,12 @@ impl<P: Clone> Log<P> {
         self.ended && self.receivers.values().all(has_left)
     }
 
-    /// Rows that were left out because nobody fetched them in time.
+    /// Counts rows that do not come.
+    pub fn lose_rows(&mut self, count: u64) {
+        self.rows_lost += count;
+    }
+
+    /// Rows that never came, or were left out because nobody fetched them in time.
     pub fn rows_lost(&self) -> u64 {
         self.rows_lost
     }
@@ -227,6 +232,11 @@ impl<P: Clone> Log<P> {
     pub fn given_up(&self) -> u64 {
         self.given_up
     }
+}
+
+/// The value of a mutex; a thread that panicked has said why.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A log that threads share.
@@ -244,8 +254,7 @@ impl<P: Clone> SharedLog<P> {
 
     /// Looks at it without changing anything that others wait for.
     pub fn look(&self) -> MutexGuard<'_, Log<P>> {
-        // a thread that panicked has said why
-        self.log.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.log)
     }
 
     /// Changes it, and wakes those who wait.

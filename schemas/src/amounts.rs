@@ -47,13 +47,7 @@ pub fn seconds(value: f64) -> String {
         v if v >= 1e-9 => (value * 1e9, "ns"),
         _ => return format!("{value:.2e} s"),
     };
-    let decimals = if scaled.abs() >= 100.0 {
-        0
-    } else if scaled.abs() >= 10.0 {
-        1
-    } else {
-        2
-    };
+    let decimals = decimals_of_three_digits(scaled);
     format!("{scaled:.decimals$} {unit}")
 }
 
@@ -130,14 +124,17 @@ pub fn per_second(rate: f64, what: &str) -> String {
         rate if rate >= 1e3 => (rate / 1e3, "k "),
         rate => (rate, ""),
     };
-    let decimals = if scaled >= 100.0 || prefix.is_empty() {
-        0
-    } else if scaled >= 10.0 {
-        1
-    } else {
-        2
-    };
+    let decimals = if prefix.is_empty() { 0 } else { decimals_of_three_digits(scaled) };
     format!("{scaled:.decimals$} {prefix}{what}/s")
+}
+
+/// The decimals of a number from 1 to 1000 that is shown with three digits.
+fn decimals_of_three_digits(value: f64) -> usize {
+    match value.abs() {
+        100.0.. => 0,
+        10.0.. => 1,
+        _ => 2,
+    }
 }
 
 /// A duration like [`seconds`].

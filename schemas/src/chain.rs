@@ -8,7 +8,7 @@ use crate::functions::Moment;
 use crate::rows::Rows;
 use crate::simd::{ordered_sum, vectorized};
 use crate::sites::Sites;
-use crate::term::Term;
+use crate::term::{Law, Term};
 use pulp::Arch;
 use std::ops::Range;
 use std::sync::Arc;
@@ -73,20 +73,12 @@ pub struct Wall {
     pub rest_overlap_m: f64,
     /// Force (N) at the rest overlap.
     pub rest_force_n: f64,
-    /// Potential energy (J) at the rest overlap.
-    pub rest_energy_j: f64,
 }
 
 impl Wall {
     /// A wall whose contact has the stiffness `stiffness` and overlaps by `rest_overlap_m` at rest.
     pub fn new(law: &ContactLaw, stiffness: f64, rest_overlap_m: f64) -> Self {
-        Self {
-            is_there: true,
-            stiffness,
-            rest_overlap_m,
-            rest_force_n: law.force(stiffness, rest_overlap_m),
-            rest_energy_j: law.energy(stiffness, rest_overlap_m),
-        }
+        Self { is_there: true, stiffness, rest_overlap_m, rest_force_n: law.force(stiffness, rest_overlap_m) }
     }
 
     /// Overlap (m) when the end bead has come `approach_m` nearer than at rest.
@@ -94,23 +86,12 @@ impl Wall {
         approach_m + self.rest_overlap_m
     }
 
-    /// Force (N) beyond that at rest when the end bead has come `approach_m` nearer, by the law alone.
-    pub fn excess_force_n(&self, law: &ContactLaw, approach_m: f64) -> f64 {
-        law.force(self.stiffness, self.overlap_m(approach_m)) - self.rest_force_n
-    }
-
     /// Energy (J) beyond that at rest, less the work of the constant force that the contact balances, by the law alone.
     fn excess_energy_j(&self, law: &ContactLaw, approach_m: f64) -> f64 {
         if self.stiffness == 0.0 {
             return 0.0;
         }
-        let rest = AtRest {
-            overlap_m: self.rest_overlap_m,
-            force_n: law.force(self.stiffness, self.rest_overlap_m),
-            energy_j: self.rest_energy_j,
-        };
-        let energy_j = law.energy(self.stiffness, self.overlap_m(approach_m));
-        Excess::new(law).energy_j(rest, approach_m, energy_j)
+        law.excess_j(self.stiffness, self.rest_overlap_m, approach_m, true)
     }
 }
 
@@ -216,17 +197,23 @@ impl Chain {
 
     /// Stiffness (N·m^−α) of contact `contact` by the law of the chain alone; contact N − 1 closes a ring.
     pub fn stiffness_of(&self, contact: usize) -> f64 {
-        self.stiffness.get(contact).copied().unwrap_or(self.walls.left.stiffness)
+        self.value_of(&self.stiffness, self.walls.left.stiffness, contact)
     }
 
     /// Overlap (m) of the same when the chain is at rest.
     pub fn rest_m(&self, contact: usize) -> f64 {
-        self.rest_overlap_m.get(contact).copied().unwrap_or(self.walls.left.rest_overlap_m)
+        self.value_of(&self.rest_overlap_m, self.walls.left.rest_overlap_m, contact)
     }
 
     /// Force (N) of the same when the chain is at rest.
     pub fn rest_n(&self, contact: usize) -> f64 {
-        self.rest_force_n.get(contact).copied().unwrap_or(self.walls.left.rest_force_n)
+        self.value_of(&self.rest_force_n, self.walls.left.rest_force_n, contact)
+    }
+
+    /// The value of contact `contact` among `values`, or that of the contact that closes a ring.
+    fn value_of(&self, values: &[f64], closing: f64, contact: usize) -> f64 {
+        debug_assert!(contact < self.all_contact_count(), "no contact {contact}");
+        values.get(contact).copied().unwrap_or(closing)
     }
 
     /// Overlap (m) of the same for the displacements `u_m` (N values, m).
@@ -398,21 +385,10 @@ impl Chain {
 
     /// The same energy (J) of one contact.
     pub fn contact_energy_j(&self, u_m: &[f64], contact: usize) -> f64 {
-        let of_terms = self.terms.iter().map(|term| self.term_j(term, u_m, contact));
-        of_terms.fold(self.energy_by_law_j(u_m, contact), |sum, energy_j| sum + energy_j)
-    }
-
-    fn energy_by_law_j(&self, u_m: &[f64], contact: usize) -> f64 {
-        let energy_j = self.law.energy(self.stiffness[contact], self.overlap_m(u_m, contact));
-        if self.rest_overlap_m[contact] == 0.0 {
-            return energy_j;
-        }
-        let at_rest = AtRest {
-            overlap_m: self.rest_overlap_m[contact],
-            force_n: self.law.force(self.stiffness[contact], self.rest_overlap_m[contact]),
-            energy_j: self.rest_energy_j[contact],
-        };
-        Excess::new(&self.law).energy_j(at_rest, u_m[contact] - u_m[contact + 1], energy_j)
+        let (stiffness, rest_m) = (self.stiffness[contact], self.rest_overlap_m[contact]);
+        let approach_m = u_m[contact] - u_m[contact + 1];
+        let by_law_j = self.law.excess_j(stiffness, rest_m, approach_m, rest_m != 0.0);
+        self.terms.iter().fold(by_law_j, |sum, term| sum + self.term_j(term, u_m, contact))
     }
 
     /// The same energy (J) of the contacts with the left and with the right wall, 0 at free ends, at the displacements `u_m` (m,
@@ -610,14 +586,12 @@ mod tests {
         let law = ContactLaw::new(3.0);
         let wall = Wall::new(&law, 4.0, 0.5);
         let walls = Walls { left: wall, right: wall };
-        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law.clone());
+        let chain = Chain::new(vec![1.0; 2], vec![4.0], vec![0.5], walls, law);
         assert_eq!(chain.energy(&[0.0; 2], &[0.0; 2], &[], &mut [0.0]).total_j(), 0.0);
         let mut contact_j = [0.0];
         chain.contact_energies_j(&[0.5, 0.0], &mut contact_j);
         assert_eq!(contact_j, [1.0 - 1.0 / 16.0 - 0.5 * 0.5]);
         // the left wall gives back what it stored, and its constant force is worked against
         assert_eq!(chain.wall_energies_j(&[0.5, 0.0], &[]), [-1.0 / 16.0 + 0.5 * 0.5, 0.0]);
-        assert_eq!(wall.excess_force_n(&law, 0.5), 4.0 - 0.5);
-        assert_eq!(wall.excess_force_n(&law, -1.0), -0.5);
     }
 }

@@ -29,7 +29,7 @@ use crate::amounts::count;
 use crate::bath::Bath;
 use crate::credit::Credit;
 use crate::drive::Drive;
-use crate::json_schema::{self, exponent, not_negative, positive, without_default};
+use crate::json_schema::{self, exponent, is_default, not_negative, positive, without_default};
 use crate::method::{Feature, Method};
 use crate::text::MAX_TEXT_BYTES;
 use schemars::{JsonSchema, Schema};
@@ -44,7 +44,7 @@ pub struct RunConfig {
     #[schemars(regex(pattern = "^[a-z0-9][a-z0-9-]{0,63}$"))]
     pub name: Option<String>,
     /// Seed of disorder, thermal velocities and baths [default: 0].
-    #[serde(default, skip_serializing_if = "is_seedless")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub seed: u64,
     /// The beads and their contacts.
     pub chain: ChainConfig,
@@ -176,11 +176,6 @@ fn is_left_out(number: &f64) -> bool {
     number.is_nan()
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_seedless(seed: &u64) -> bool {
-    *seed == 0
-}
-
 /// The masses of the beads of a chain, before its impurities.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -299,11 +294,11 @@ impl EndsConfig {
 pub struct LoadConfig {
     /// Constant acceleration of every bead (m/s²), positive towards higher bead numbers; a wall must carry
     /// the weight.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "is_default")]
     pub gravity_m_s2: f64,
     /// Force (N) that presses the chain together from both ends: a wall exerts it, or a constant force on the end bead where
     /// there is no wall.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub precompression_n: f64,
 }
@@ -313,11 +308,6 @@ impl LoadConfig {
     pub fn is_none(&self) -> bool {
         self.gravity_m_s2 == 0.0 && self.precompression_n == 0.0
     }
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 /// A bead of another mass.

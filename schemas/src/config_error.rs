@@ -22,17 +22,15 @@ pub struct ConfigError {
 impl ConfigError {
     /// An impossible value: `key`, what was found, what is allowed.
     pub fn value(key: &str, found: impl fmt::Display, allowed: &str) -> Self {
-        Self {
-            path: None,
-            line: None,
-            key: key.to_owned(),
-            message: format!("found {found}; allowed: {allowed}"),
-        }
+        Self::of(key, format!("found {found}; allowed: {allowed}"))
     }
 
     /// A key that is not there.
     pub(crate) fn missing(key: &str) -> Self {
-        let message = format!("missing; {EXAMPLE}");
+        Self::of(key, format!("missing; {EXAMPLE}"))
+    }
+
+    fn of(key: &str, message: String) -> Self {
         Self { path: None, line: None, key: key.to_owned(), message }
     }
 

@@ -4,7 +4,7 @@
 //! them: the dynamics, the analyses, or a re-simulation.
 
 use crate::power::{PowerTable, Powers, bounds};
-use crate::roots::root;
+use crate::roots::ByMultiplyAdds;
 use crate::simd::{Group, load, store};
 use pulp::{Scalar, Simd};
 use std::sync::Arc;
@@ -48,7 +48,7 @@ impl ContactLaw {
     pub fn new(alpha: f64) -> Self {
         let form = match alpha {
             1.0 => Form::Formula(Formula::Linear),
-            1.5 => Form::Formula(Formula::Hertz),
+            1.5 => Form::Formula(Formula::Hertz(ByMultiplyAdds::measured())),
             2.0 => Form::Formula(Formula::Square),
             3.0 => Form::Formula(Formula::Cube),
             5.0 => Form::Formula(Formula::Fifth),
@@ -98,10 +98,15 @@ impl ContactLaw {
     #[inline(always)]
     pub fn with_power<U: PowerUser>(&self, user: U) -> U::Output {
         match &self.form {
-            Form::Formula(Formula::Hertz) => user.run(Each(Hertz)),
+            Form::Formula(Formula::Hertz(by)) => user.run(Each(Hertz(*by))),
             Form::Formula(formula) => user.run(Each(*formula)),
             Form::General(table) => user.run(table.powers()),
         }
+    }
+
+    /// True if it has roots, and this machine is slow to find them in its widest registers.
+    pub fn has_slow_roots(&self) -> bool {
+        matches!(self.form, Form::Formula(Formula::Hertz(ByMultiplyAdds::EveryOther)))
     }
 
     /// Calls `user` with no power, for chains in which no contact has a stiffness of its law.
@@ -158,7 +163,7 @@ pub enum Formula {
     /// α = 1: `δ`
     Linear,
     /// α = 3/2: `δ·√δ`
-    Hertz,
+    Hertz(ByMultiplyAdds),
     /// α = 2: `δ·δ`
     Square,
     /// α = 3: `δ·δ·δ`
@@ -173,7 +178,7 @@ impl Formula {
     pub fn of<S: Simd>(self, simd: S, d: S::f64s, number: usize) -> S::f64s {
         match self {
             Self::Linear => d,
-            Self::Hertz => simd.mul_f64s(d, root(simd, d, number)),
+            Self::Hertz(by) => simd.mul_f64s(d, by.root(simd, d, number)),
             Self::Square => simd.mul_f64s(d, d),
             Self::Cube => simd.mul_f64s(simd.mul_f64s(d, d), d),
             Self::Fifth => {
@@ -189,7 +194,7 @@ impl Formula {
         let times = |alpha: f64, power: S::f64s| simd.mul_f64s(simd.splat_f64s(alpha), power);
         match self {
             Self::Linear => simd.splat_f64s(1.0),
-            Self::Hertz => times(1.5, root(simd, d, number)),
+            Self::Hertz(by) => times(1.5, by.root(simd, d, number)),
             Self::Square => times(2.0, d),
             Self::Cube => times(3.0, simd.mul_f64s(d, d)),
             Self::Fifth => {
@@ -202,12 +207,12 @@ impl Formula {
 
 /// [`Formula::Hertz`] where the compiler knows it.
 #[derive(Clone, Copy)]
-struct Hertz;
+struct Hertz(ByMultiplyAdds);
 
 impl From<Hertz> for Formula {
     #[inline(always)]
-    fn from(_: Hertz) -> Self {
-        Self::Hertz
+    fn from(Hertz(by): Hertz) -> Self {
+        Self::Hertz(by)
     }
 }
 

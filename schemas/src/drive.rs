@@ -84,8 +84,9 @@ impl Quantity {
 }
 
 /// Something that acts on the chain from outside: `{ wall = "left", displacement_m = { sine = … } }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "read::WrittenDrive", into = "read::WrittenDrive")]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(try_from = "read::WrittenDrive")]
+#[schemars(into = "read::WrittenDrive")]
 pub struct Drive {
     /// The place at which it acts.
     pub at: Place,

@@ -22,6 +22,16 @@ const LOG2_E: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
 /// The double next to `√2`.
 const ROOT_2: f64 = f64::from_bits(0x3ff6_a09e_667f_3bcd);
 
+/// The larger of two numbers, none of them NaN.
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, none of them NaN.
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
 /// `a + b` exactly: the rounded sum and the error of the rounding (Knuth).
 ///
 /// ```

@@ -73,6 +73,11 @@ pub(crate) fn without_default(schema: &mut Schema) {
     schema.remove("default");
 }
 
+/// For `skip_serializing_if`: true for a value that files leave out.
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// Positive numbers, as the checks of the physics take them.
 pub(crate) fn positive(schema: &mut Schema) {
     bound(schema, [1e-100, 1e100]);

@@ -2,11 +2,7 @@
 
 mod field;
 
-use crate::config::{
-    ChainConfig, DampingConfig, End, EndsConfig, Impurity, Initial, IntegratorConfig, LoadConfig, MassRule,
-    OnSite, RunConfig, StiffnessRule, StreamConfig, StrikerConfig, TimeConfig,
-};
-use crate::credit::Credit;
+use crate::config::{DampingConfig, End, Impurity, MassRule, RunConfig, StiffnessRule};
 
 /// A configuration with a name and a sentence about it.
 #[derive(Debug, Clone, Copy)]
@@ -202,41 +198,16 @@ impl Preset {
     }
 
     /// Its configuration. Unless the preset changes it: Hertz contacts, beads of 1 g, k = 1e7 N·m^−3/2, bead 0 at 5 m/s.
+    #[expect(clippy::missing_panics_doc, reason = "a test makes every preset")]
     pub fn config(&self) -> RunConfig {
-        let mut config = RunConfig {
-            name: Some(self.name.to_owned()),
-            seed: 0,
-            disorder: Vec::new(),
-            chain: ChainConfig {
-                beads: self.beads,
-                bead_mass_kg: 1e-3,
-                alpha: 1.5,
-                stiffness: 1e7,
-                masses: MassRule::Uniform,
-                stiffnesses: StiffnessRule::Uniform,
-                impurities: Vec::new(),
-                contacts: Vec::new(),
-                spheres: None,
-                odd_spheres: Vec::new(),
-                alphas: None,
-                second: None,
-                gaps_m: None,
-                bonds: None,
-            },
-            ends: EndsConfig::default(),
-            load: LoadConfig::default(),
-            damping: None,
-            on_site: OnSite::default(),
-            resonators: None,
-            striker: StrikerConfig { bead: 0, velocity_m_s: 5.0 }.into(),
-            initial: Initial::default(),
-            drive: Vec::new(),
-            bath: Vec::new(),
-            time: TimeConfig { duration_s: self.duration_s, dt_s: None },
-            integrator: IntegratorConfig::default(),
-            stream: StreamConfig::default(),
-            provenance: Credit::default(),
-        };
+        let Self { name, beads, duration_s, .. } = self;
+        let plain = format!(
+            "name = \"{name}\"\n\
+             chain = {{ beads = {beads}, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }}\n\
+             striker = {{ bead = 0, velocity_m_s = 5.0 }}\n\
+             time = {{ duration_s = {duration_s:?} }}"
+        );
+        let mut config = RunConfig::from_toml(&plain).expect("equal beads, the first of which is struck");
         (self.change)(&mut config);
         config.integrator.method = config.default_method();
         config

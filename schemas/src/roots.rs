@@ -2,22 +2,76 @@
 //!
 //! A correctly rounded root has one answer, however it is found. So this is the one module that may use fused multiply-add.
 
-use pulp::Simd;
+use crate::simd::{in_vectors, load, store};
+use pulp::{Arch, Simd, WithSimd};
 #[cfg(target_arch = "x86_64")]
 use pulp::{bytemuck, f64x8, x86::V4};
+use std::hint::black_box;
+use std::sync::LazyLock;
+use std::time::Instant;
 
-/// The roots of `numbers` that are 0 or from `2^−900` on, and anything for others: by the instruction in registers of an odd `number`, by
-/// multiply-adds in the others, where there is an estimate to begin with (AVX-512). Both units work side by side then.
-#[inline(always)]
-pub(crate) fn root<S: Simd>(simd: S, numbers: S::f64s, number: usize) -> S::f64s {
-    #[cfg(target_arch = "x86_64")]
-    if number.is_multiple_of(2)
-        && let Some(wide) = (&simd as &dyn std::any::Any).downcast_ref::<V4>()
-    {
-        return bytemuck::cast(by_multiply_adds(*wide, bytemuck::cast(numbers)));
+/// The registers whose roots are found by multiply-adds, where there is an estimate to begin with (AVX-512).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ByMultiplyAdds {
+    /// None: the unit that divides finds all roots.
+    None,
+    /// Every other one: both units work side by side.
+    EveryOther,
+    /// All.
+    All,
+}
+
+impl ByMultiplyAdds {
+    /// The choice that is faster on this machine, made once. What a loop over beads computes beside roots keeps the multipliers busy, too: so they
+    /// take a share if they alone take less than 0.6 of the time of the other unit.
+    pub(crate) fn measured() -> Self {
+        static MEASURED: LazyLock<ByMultiplyAdds> = LazyLock::new(|| {
+            let [all, none] = [ByMultiplyAdds::All, ByMultiplyAdds::None].map(|by_multiply_adds| {
+                let mut numbers = [2.0; 256];
+                let times = (0..16).map(|_| {
+                    let began = Instant::now();
+                    for _ in 0..8 {
+                        in_vectors(Arch::new(), Roots { by_multiply_adds, numbers: black_box(&mut numbers) });
+                    }
+                    began.elapsed()
+                });
+                times.min().unwrap_or_default()
+            });
+            if all < none.mul_f64(0.6) { ByMultiplyAdds::EveryOther } else { ByMultiplyAdds::None }
+        });
+        *MEASURED
     }
-    let _ = number;
-    simd.sqrt_f64s(numbers)
+
+    /// The roots of `numbers` that are 0 or from `2^−900` on, and anything for others, in the register with this number.
+    #[inline(always)]
+    pub(crate) fn root<S: Simd>(self, simd: S, numbers: S::f64s, register: usize) -> S::f64s {
+        #[cfg(target_arch = "x86_64")]
+        if (self == Self::All || self == Self::EveryOther && register.is_multiple_of(2))
+            && let Some(wide) = (&simd as &dyn std::any::Any).downcast_ref::<V4>()
+        {
+            return bytemuck::cast(by_multiply_adds(*wide, bytemuck::cast(numbers)));
+        }
+        let _ = register;
+        simd.sqrt_f64s(numbers)
+    }
+}
+
+/// Writes roots over numbers.
+struct Roots<'a> {
+    by_multiply_adds: ByMultiplyAdds,
+    numbers: &'a mut [f64],
+}
+
+impl WithSimd for Roots<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for at in (0..self.numbers.len()).step_by(S::F64_LANES) {
+            let roots = self.by_multiply_adds.root(simd, load::<S>(self.numbers, at), 0);
+            store::<S>(roots, self.numbers, at);
+        }
+    }
 }
 
 /// Two steps of Newton's for `g ≈ √x` and `h ≈ 1/(2·√x)`, then one with the exact remainder `x − g²`.
@@ -44,26 +98,9 @@ fn by_multiply_adds(simd: V4, x: f64x8) -> f64x8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{in_vectors, load, store};
-    use pulp::{Arch, WithSimd};
-
-    /// Writes roots over numbers, by multiply-adds where that may be.
-    struct Roots<'a>(&'a mut [f64]);
-
-    impl WithSimd for Roots<'_> {
-        type Output = ();
-
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, simd: S) {
-            for at in (0..self.0.len()).step_by(S::F64_LANES) {
-                store::<S>(root(simd, load::<S>(self.0, at), 0), self.0, at);
-            }
-        }
-    }
-
     fn assert_are_roots(numbers: &[f64]) {
         let mut found = numbers.to_vec();
-        in_vectors(Arch::new(), Roots(&mut found));
+        in_vectors(Arch::new(), Roots { by_multiply_adds: ByMultiplyAdds::All, numbers: &mut found });
         for (number, found) in numbers.iter().zip(found) {
             assert_eq!(found.to_bits(), number.sqrt().to_bits(), "√{number:e}");
         }

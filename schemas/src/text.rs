@@ -2,10 +2,16 @@
 
 use crate::amounts::count;
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
 
 /// Longest text that is written or shown (bytes): longer than any sentence, name or path, and short enough for a terminal or a
 /// page.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;
+
+/// Longest file that is read as one text (bytes): longer than any manifest that could come of it.
+const MAX_FILE_BYTES: u64 = 256 << 20;
 
 /// Room (bytes) for the note about the length: a text that was cut once is not cut again.
 const LENGTH_BYTES: usize = 40;
@@ -22,6 +28,20 @@ pub fn shown_within(text: &str, most_bytes: usize) -> Cow<'_, str> {
     }
     let kept = text.floor_char_boundary(most_bytes.saturating_sub(LENGTH_BYTES));
     Cow::Owned(format!("{}… ({} bytes)", &text[..kept], count(text.len() as u64)))
+}
+
+/// The text of the file `path`. A device or a pipe may have no end.
+///
+/// # Errors
+/// When it cannot be read, is longer than 256 MiB, or is not UTF-8.
+pub fn read(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    let read = File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_string(&mut text)?;
+    if read as u64 > MAX_FILE_BYTES {
+        let why = "it is longer than the 256 MiB that are read of a text";
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(text)
 }
 
 #[cfg(test)]

@@ -22,9 +22,7 @@ pub(crate) struct Outputs {
     tables: Vec<Option<Table>>,
     /// Published rows in a file of their own, and their tolerance (m).
     map: Option<(ContactsWriter, f64)>,
-    /// Publishers of rows of numbers, and of rows of classes.
-    numbers: Option<ResultPublisher<f64>>,
-    classes: Option<ResultPublisher<u8>>,
+    publisher: Option<Publisher>,
     failure: Option<AnalysisError>,
     kept: Kept,
 }
@@ -36,6 +34,11 @@ pub(crate) struct Kept {
     last: LastRow,
     /// A curve for each column, if a figure is drawn.
     curves: Vec<Series<1>>,
+}
+
+enum Publisher {
+    Numbers(ResultPublisher<f64>),
+    Classes(ResultPublisher<u8>),
 }
 
 impl Outputs {
@@ -67,10 +70,10 @@ impl Outputs {
             outputs.kept.curves = vec![Series::default(); drawn];
         }
         if let Some((session, columns)) = session.zip(published) {
-            match columns.tolerance_m {
-                Some(_) => outputs.classes = session.results(asked.offer, &columns)?,
-                None => outputs.numbers = session.results(asked.offer, &columns)?,
-            }
+            outputs.publisher = match columns.tolerance_m {
+                Some(_) => session.results(asked.offer, &columns)?.map(Publisher::Classes),
+                None => session.results(asked.offer, &columns)?.map(Publisher::Numbers),
+            };
         }
         Ok(outputs)
     }
@@ -89,8 +92,11 @@ impl Outputs {
     /// Ends everything; `end` says how the frames ended. Gives the rows that were kept.
     pub(crate) fn finish(mut self, end: EndReason) -> Result<Kept, Failure> {
         self.check()?;
-        unless_stopped(self.numbers.map_or(Ok(()), ResultPublisher::finish))?;
-        unless_stopped(self.classes.map_or(Ok(()), ResultPublisher::finish))?;
+        unless_stopped(match self.publisher {
+            Some(Publisher::Numbers(publisher)) => publisher.finish(),
+            Some(Publisher::Classes(publisher)) => publisher.finish(),
+            None => Ok(()),
+        })?;
         self.tables.into_iter().flatten().try_for_each(|table| table.finish().map(drop))?;
         self.map.map(|(map, _)| map.finish(end)).transpose()?;
         Ok(self.kept)
@@ -145,14 +151,14 @@ impl Outlet for Outputs {
     }
 
     fn is_published(&self) -> bool {
-        self.numbers.is_some() || self.classes.is_some()
+        self.publisher.is_some()
     }
 
     fn publish(&mut self, frame: &Frame<'_>, row: RowValues<'_>) {
         let (number, step, time_s) = (frame.frame, frame.step, frame.time_s);
-        let done = match (&mut self.numbers, &mut self.classes, row) {
-            (Some(numbers), _, RowValues::Numbers(row)) => numbers.publish(number, step, time_s, row),
-            (_, Some(classes), RowValues::Classes(row)) => classes.publish(number, step, time_s, row),
+        let done = match (&mut self.publisher, row) {
+            (Some(Publisher::Numbers(to)), RowValues::Numbers(row)) => to.publish(number, step, time_s, row),
+            (Some(Publisher::Classes(to)), RowValues::Classes(row)) => to.publish(number, step, time_s, row),
             _ => Ok(()),
         };
         self.keep(unless_stopped(done));

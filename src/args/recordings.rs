@@ -92,8 +92,8 @@ pub(crate) struct RecordArgs {
     and on, ← one frame back, Home to the first frame. Frames of a stream only go forward, so each of these four keys \
     ends the stream and begins another; consumers see an interrupted run. After a delay or a suspension the replay \
     goes on at its rate. The replay of a recording that was not closed ends as a failed run. Exit code 3: the \
-    recording was not closed or is damaged, a consumer was dropped, or a signal stopped the replay, which is the \
-    only end of --loop."
+    recording was not closed or is damaged, a consumer was dropped, or a signal stopped the replay; with --loop a \
+    signal is the usual end, with exit code 0."
 )]
 pub(crate) struct ReplayArgs {
     /// The recording

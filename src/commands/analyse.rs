@@ -17,7 +17,6 @@ use schemas::frame::{EndReason, Frame, FrameSource};
 use schemas::manifest::{Provenance, RunManifest};
 use serde_json::json;
 use source::Named;
-use std::fs;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -175,7 +174,7 @@ fn configured(asked: &AskedAnalysis) -> Result<Option<RunManifest>, Failure> {
 
 fn read(path: &Path) -> Result<RunManifest, Failure> {
     let unreadable = || format!("{} cannot be read", path.display());
-    let text = fs::read_to_string(path).with_context(unreadable).bad_input()?;
+    let text = schemas::text::read(path).with_context(unreadable).bad_input()?;
     let located = |error: ConfigError| error.located(&text, Some(path));
     let config = RunConfig::of_chain(&text).map_err(located).bad_input()?;
     let mut config = experiments::prepared(config, path.parent()).map_err(located).bad_input()?;

@@ -169,9 +169,13 @@ impl Place<'_> {
 fn is_result(name: &str) -> bool {
     let Some((stem, end)) = name.rsplit_once('.') else { return false };
     match end {
-        "mcap" => ["orbit", "last", "change-", "last-"].contains(&stem.trim_end_matches(char::is_numeric)),
-        "csv" | "png" | "journal" => ["branch", "map", "multipliers", "spectra"].contains(&stem),
-        _ => name == REPORT,
+        "mcap" => match stem.strip_prefix("change-").or(stem.strip_prefix("last-")) {
+            Some(number) => !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()),
+            None => ["orbit", "last"].contains(&stem),
+        },
+        "png" => ["branch", "map", "multipliers", "spectra"].contains(&stem),
+        "csv" => ["branch", "map", "multipliers"].contains(&stem),
+        _ => [REPORT, JOURNAL, map::JOURNAL].contains(&name),
     }
 }
 
@@ -285,9 +289,12 @@ impl<'a> Branch<'a> {
         if self.place.args.force || !path.exists() {
             return Ok(come);
         }
-        let mut lasts: Vec<Step> = Vec::new();
-        journal::read::<JournalError>(&path, &self.head, |_, line| {
-            if let Some(Entry { mut cells, .. }) = journal::entry(line, &self.head.columns) {
+        let (mut lasts, mut written): (Vec<Step>, u64) = (Vec::new(), 0);
+        journal::read::<JournalError>(&path, &self.head, |index, line| {
+            written = written.max(index + 1);
+            // none behind one that is missing: each is found from the one before, and added again behind these
+            let entry = journal::entry(line, &self.head.columns).filter(|_| index == come.rows.len() as u64);
+            if let Some(Entry { mut cells, .. }) = entry {
                 let kept = cells.split_off(cells.len() - KEPT.len());
                 let mut kept =
                     kept.iter().map(|cell| if let Cell::Word(word) = cell { word.as_str() } else { "" });
@@ -301,6 +308,14 @@ impl<'a> Branch<'a> {
             Ok(())
         })
         .bad_input()?;
+        let kept = come.rows.len() as u64;
+        if kept < written {
+            let kept = counted(kept, "orbit");
+            notice!(
+                "a row of {} is damaged: {kept} before it kept, those behind it are computed again",
+                path.display()
+            );
+        }
         come.lasts = self.again(&come, lasts)?;
         Ok(come)
     }

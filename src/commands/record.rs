@@ -332,7 +332,7 @@ impl Summary<'_> {
             }
             EndReason::Detached => notice!("stopped: the recording ends here, the run goes on"),
             EndReason::ProducerLost => {
-                notice!("the producer is gone without a word; every state that it published is recorded");
+                notice!("the producer is gone without a word; no state that was due is missing");
             }
             EndReason::Dropped => display::notice(
                 "the producer dropped this recorder because it held the run back for too long; \

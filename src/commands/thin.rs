@@ -177,9 +177,10 @@ impl Rewrite<'_> {
     fn manifest(&self, manifest: &RunManifest) -> Result<RunManifest, Failure> {
         let provenance = &manifest.provenance;
         let (published, before) = (provenance.publish_every_steps, provenance.record_every_steps);
-        if self.between_frames && self.every_steps > before {
+        if self.between_frames && !before.is_multiple_of(self.every_steps) {
             return Err(bad_input!(
-                "--every-steps {}: this recording has a state every {before} steps already; `beadline thin` makes fewer",
+                "--every-steps {}: expected a divisor of {before}, the steps between two states of this recording, which keeps \
+                 them all; `beadline thin` makes fewer",
                 self.every_steps
             ));
         }
@@ -212,7 +213,7 @@ impl Rewrite<'_> {
         progress.tell(&[self.told]);
         let mut others = (self.place == Place::File).then(|| OtherChannels::open(self.from)).transpose()?;
         let reason = loop {
-            match states.receive().map_err(|error| Failure::Failed(error.into()))? {
+            match states.receive().bad_input()? {
                 Received::Frame(frame) => {
                     let step = frame.step;
                     if let Some(others) = &mut others {

@@ -20,7 +20,7 @@ pub(crate) fn upload(args: &UploadArgs) -> Result<Done, Failure> {
     let stop = signals::stop_flag()?;
     let (info, is_whole) = whole(&args.file, &stop)?;
     display::notice_of_version(&info.manifest);
-    // not a link, beside which nothing of it may lie
+    // the file that a link leads to: the note of the upload lies beside it
     let file = info.path.canonicalize().with_context(|| info.path.display().to_string()).bad_input()?;
     let errand = Errand { growing: file.clone(), file, url: args.url.clone() };
     let provenance = &info.manifest.provenance;

@@ -131,8 +131,12 @@ impl Verified {
 
     /// True if this program finds nothing wrong with the file.
     fn is_sound(&self) -> bool {
-        self.found.is_sound_so_far()
-            && self.rows.iter().all(|rows| rows.difference_count == 0)
+        self.found.is_sound_so_far() && self.agrees_with_states()
+    }
+
+    /// True if the rows that are there, the configuration and the manifest agree with the states.
+    fn agrees_with_states(&self) -> bool {
+        self.rows.iter().all(|rows| rows.difference_count == 0)
             && !matches!(self.toml, RunToml::Differs(_))
             && self.idle.is_none()
     }
@@ -166,7 +170,7 @@ impl Verified {
             "whole, but it CANNOT BE PROVEN by this program"
         } else if self.is_sound() {
             "sound as far as it goes, but it is NOT WHOLE and CANNOT BE PROVEN by this program"
-        } else if found.has_sound_states() && !found.is_sound_so_far() {
+        } else if found.has_sound_states() && self.agrees_with_states() {
             "NOT PROVEN: rows of results are missing"
         } else {
             "NOT PROVEN"

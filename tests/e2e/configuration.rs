@@ -78,6 +78,8 @@ fn bad_flags() {
     place.run("run --impurity 500").exits(2).says(&["BEAD=VALUE"]);
     place.run("run --preset nothing").exits(2).says(&["nothing", "light-impurity"]);
     place.run("run --method euler").exits(2).says(&["euler", "rkn4"]);
+    place.run("run --preset dimer --bead-mass 2e-3").exits(2).says(&["--bead-mass", "chain.masses"]);
+    place.run("run /dev/zero").exits(2).says(&["/dev/zero", "256 MiB"]);
     place.run("run missing.toml").exits(2).says(&["missing.toml"]);
     place.run("energies live:Not_A_Name").exits(2).says(&["Not_A_Name", "a-z"]);
     place.run("run --preset homogeneous --duration 1e-4").exits(0);

@@ -149,11 +149,18 @@ fn an_interrupted_branch_goes_on_to_the_same_bytes() {
             ["whole", "parts"].map(|directory| fs::read(place.path(directory).join(file)).unwrap());
         assert!(whole == parts, "{file}");
     }
-    // one that has ended is told again
-    place.run("orbit fput.toml --out parts").exits(0);
+    // one that has ended is told again, and what is damaged is found again
+    fs::write(&journal, text.replacen(lines[3], &lines[3].replacen("index", "indes", 1), 1)).unwrap();
+    let told = place.run("orbit fput.toml --out parts").exits(0);
+    assert!(told.stderr().contains("is damaged: 2 orbits before it kept"), "{}", told.stderr());
+    let told = place.run("orbit fput.toml --out parts").exits(0);
+    assert!(!told.stderr().contains("is damaged"), "{}", told.stderr());
     let rows = |directory: &str| fs::read(place.path(directory).join("branch.csv")).unwrap();
     assert!(rows("whole") == rows("parts"));
+    let others =
+        ["orbit7", "last5", "last-"].map(|other| place.write(&format!("parts/{other}.mcap"), "other"));
     let found = place.run("orbit fput.toml --out parts --force --json").exits(0).json();
+    assert!(others.iter().all(|other| other.exists()));
     let changes = changes(&found);
     assert!(changes.len() == 1 && (changes[0].1 - 0.218_181_686_716).abs() < 1e-9, "{changes:?}");
 }
@@ -304,6 +311,7 @@ fn points_of_a_map_are_orbits_of_their_own() {
             "{row:?} {alone}"
         );
         assert_eq!(row[9] == "stable", alone["is_stable"] == true, "{row:?}");
+        assert_eq!(row[8].is_empty(), alone["is_stable"] == true, "{row:?}");
     }
 }
 

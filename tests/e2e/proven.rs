@@ -351,11 +351,28 @@ fn the_configuration_is_that_of_the_manifest() {
     write(&place, "lie.mcap", &manifest, other, &states, |_, _| false, (None, EndReason::Complete));
     let found = verify(&place, "lie.mcap", 3);
     assert!(found["run_toml_differences"].to_string().contains("stiffness is"), "{found}");
+    // rows that are missing do not hide it
+    let missing = |frame, _: &mut [f64; 11]| frame != 100;
+    write(&place, "rows.mcap", &manifest, other, &states, missing, (None, EndReason::Complete));
+    assert_eq!(verify(&place, "rows.mcap", 3)["verdict"], "NOT PROVEN");
+    let info = recording::RecordingInfo::read(&place.path("run.mcap")).unwrap();
+    let own = (info.run_toml.as_deref(), &BeginRecord::default());
+    let mut credited = manifest.clone();
+    credited.provenance.credit.author = Some("Mallory".to_owned());
+    write(&place, "author.mcap", &credited, own, &states, |_, _| false, (None, EndReason::Complete));
+    let found = verify(&place, "author.mcap", 3);
+    let said = "author is not given by run.toml, \"Mallory\" by the manifest";
+    assert_eq!(found["run_toml_differences"], serde_json::json!([said]));
+    let rarer = manifest.clone().recorded_every(7).unwrap();
+    write(&place, "rarer.mcap", &rarer, own, &states, |_, _| false, (None, EndReason::Complete));
+    let found = verify(&place, "rarer.mcap", 0);
+    assert!(lists(&found, "not_known", "why there are more states than one every 7 steps"), "{found}");
     // it is left out of what is recovered
     let found = place.run("recover lie.mcap --out whole.mcap --json").exits(3).json();
     assert_eq!((&found["whole"], &found["verified"]["proven"]), (&true.into(), &true.into()), "{found}");
     let found = verify(&place, "whole.mcap", 0);
     assert!(lists(&found, "not_known", "there is no `run.toml`"), "{found}");
+    assert!(lists(&found, "not_known", "whose it is: author"), "{found}");
 }
 
 /// One bit of a state, under checksums that hold.

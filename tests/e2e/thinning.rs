@@ -247,6 +247,10 @@ fn what_cannot_be_thinned_is_left_alone() {
     place.write("a.mcap", "something else");
     place.run("thin run.mcap --every-steps 40 --out a.mcap").exits(2).says(&["exists", "--force"]);
     assert_eq!(place.read("a.mcap"), "something else");
+    place.run("thin run.mcap --every-steps 40 --out sparse.mcap").exits(0);
+    // it would drop the states of steps 40 and 80, and have more than there were
+    let fewer = place.run("expand sparse.mcap --every-steps 12 --out b.mcap").exits(2);
+    fewer.says(&["divisor of 40", "beadline thin"]);
 }
 
 /// Going on would leave out the states between frames that were there, so it is refused and nothing is touched.

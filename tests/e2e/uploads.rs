@@ -297,13 +297,18 @@ fn each_part_of_a_recording_is_an_object() {
     assert_eq!(bucket.open_uploads(), 0);
     assert!(!place.path("spool/s3").exists());
     // a shorter recording would leave the last parts of this one
-    let run =
-        place.start("run --beads 300 --impurity none --duration 0.02 --name run --no-record --wait-for 1");
-    let ended = bucket.run(&place, &format!("{record} --force"));
-    ended.exits(2).says(&["run-part-0001.mcap exists already", "not replaced", "run-part-*.mcap"]);
-    run.signal("KILL");
-    run.wait();
-    assert_eq!(bucket.open_uploads(), 0);
+    bucket.put("runs/left-part-0002.mcap", b"of a longer one");
+    for (name, part) in [("run", "0001"), ("left", "0002")] {
+        let run = place
+            .start("run --beads 300 --impurity none --duration 0.02 --name run --no-record --wait-for 1");
+        let ended =
+            bucket.run(&place, &format!("{} --force", record.replace("runs/run", &format!("runs/{name}"))));
+        let (there, all) = (format!("{name}-part-{part}.mcap exists already"), format!("{name}-part-*.mcap"));
+        ended.exits(2).says(&[&there, "not replaced", &all]);
+        run.signal("KILL");
+        run.wait();
+        assert_eq!(bucket.open_uploads(), 0);
+    }
 }
 
 /// A recording of some 20 MB, and its size.

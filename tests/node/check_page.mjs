@@ -88,7 +88,7 @@ const scenarios = {
   /** What a proof takes as given, and recordings that lack something: said in the words of `verify`. */
   async proofs(whole, missing, failed) {
     for (const [file, says] of [
-      [whole, /^Proven: \d+ states, .* The first state is the manifest's initial condition\. Not known: `\/chain`.*`run\.toml`.*who made it, where and when: name, run id, program, host and start\.$/],
+      [whole, /^Proven: \d+ states, .* The first state is the manifest's initial condition\. Not known: `\/chain`.*`run\.toml`.*who made it, where and when: name, run id, program, host and start; whose it is: author, ORCID, licence and DOI\.$/],
       [missing, /^Not proven: states are missing at 1 place/],
       [failed, /^Proven as far as it goes, but it is NOT WHOLE \(its end is "failed"\): \d+ states/],
     ]) {

@@ -450,6 +450,6 @@ fn too_few(samples: &Samples, break_count: u64) -> Refusal {
     let gaps = if break_count > 0 { format!(" with {}", counted(break_count, "gap")) } else { String::new() };
     Refusal::from(format!(
         "{seen}{gaps} cannot fill a segment of a spectrum: take a longer part of the run, a shorter --segment (at least \
-         16), or --every-step, which recomputes what is between frames; --fill-gaps fills gaps"
+         16), or --every-step, which recomputes what is between frames; `beadline recover` fills gaps"
     ))
 }

@@ -39,7 +39,7 @@ pub fn prepared(mut config: RunConfig, beside: Option<&Path>) -> Result<RunConfi
                 let found = format!("found {}: {why}", path.display());
                 refused(&key, format!("{found}; allowed: a file with a time (s) and a value in each row"))
             };
-            let text = std::fs::read_to_string(&path).map_err(|error| refuse(&error))?;
+            let text = schemas::text::read(&path).map_err(|error| refuse(&error))?;
             let mut table = table_from_csv(&text).map_err(|why| refuse(&why))?;
             table.interpolation = *interpolation;
             *waveform = Waveform::Table(table);

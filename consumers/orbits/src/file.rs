@@ -222,14 +222,7 @@ impl File {
     /// When the file cannot be read any more.
     pub fn config_of(&self, orbit: &Orbit) -> Result<RunConfig, ConfigError> {
         let (mut config, _) = self.at(orbit.unknown.parameter)?;
-        let [w_m, w_m_s] = orbit.physics.rows().resonators_of(&orbit.state.extra);
-        config.initial = Initial {
-            displacements_m: orbit.state.u_m.to_vec(),
-            velocities_m_s: orbit.state.v_m_s.to_vec(),
-            resonator_displacements_m: w_m.to_vec(),
-            resonator_velocities_m_s: w_m_s.to_vec(),
-            ..Initial::default()
-        };
+        config.initial = orbit.initial();
         config.time = TimeConfig { duration_s: orbit.period_s(), dt_s: Some(orbit.physics.dt_s) };
         Ok(config)
     }

@@ -39,6 +39,7 @@ use multipliers::Multipliers;
 use newton::{Found, Newton, Unknown};
 use producer::state::ChainState;
 use schemas::chain::Chain;
+use schemas::config::Initial;
 use schemas::drive::{Place, Quantity};
 use schemas::manifest::Physics;
 use std::sync::atomic::AtomicBool;
@@ -107,6 +108,18 @@ impl Orbit {
         self.state.u_m.iter().fold(0.0, |most: f64, u| most.max(u.abs()))
     }
 
+    /// The initial state of a run that makes it.
+    pub fn initial(&self) -> Initial {
+        let [w_m, w_m_s] = self.physics.rows().resonators_of(&self.state.extra);
+        Initial {
+            displacements_m: self.state.u_m.to_vec(),
+            velocities_m_s: self.state.v_m_s.to_vec(),
+            resonator_displacements_m: w_m.to_vec(),
+            resonator_velocities_m_s: w_m_s.to_vec(),
+            ..Initial::default()
+        }
+    }
+
     /// The bead whose displacement was asked for and the size (m) of that, if another bead has a larger one: so it is where Newton's method
     /// went from the seed to a mode of the same frequency.
     pub fn surpassed(&self) -> Option<(usize, f64)> {
@@ -173,7 +186,9 @@ impl<'a> Search<'a> {
             ));
         }
         let physics = Physics { dt_s: period_s / steps as f64, ..physics };
-        check_steps(&physics, steps, physics.dt_s)?;
+        if let Asked::PeriodS(_) = asked {
+            check_steps(&physics, steps, physics.dt_s)?;
+        }
         let begun = ChainState::initial(&physics);
         let mut coordinates = Coordinates::of(&physics, &begun).map_err(MapError::from)?;
         let mut points = vec![coordinates.of_state(&begun)];
@@ -257,7 +272,7 @@ impl<'a> Search<'a> {
         let physics = Physics { dt_s: unknown.dt_s, step_count: self.newton.steps, ..problem.physics };
         let returns = self.newton.returns(&unknown)?;
         let shift_beads = self.newton.shift_beads;
-        Ok(Orbit {
+        let orbit = Orbit {
             physics,
             state,
             unknown,
@@ -267,7 +282,11 @@ impl<'a> Search<'a> {
             returns,
             asked_bead,
             shift_beads,
-        })
+        };
+        // not by the size of the seed
+        let begun_there = Physics { initial: orbit.initial(), ..orbit.physics.clone() };
+        check_steps(&begun_there, self.newton.steps, begun_there.dt_s)?;
+        Ok(orbit)
     }
 }
 

@@ -215,12 +215,13 @@ impl Newton<'_> {
     /// `unknown` with the parameter `parameter`, and the step that the period asked for has there, if a run may have it.
     fn at(&self, unknown: &Unknown, parameter: f64) -> Result<(Problem, Unknown), NoOrbit> {
         let problem = (self.family)(parameter)?;
-        let dt_s = match problem.asked {
-            Asked::PeriodS(period_s) => self.periods as f64 * period_s / self.steps as f64,
-            Asked::EnergyJ(_) | Asked::AmplitudeM(_) => unknown.dt_s,
-        };
-        check_steps(&problem.physics, self.steps, dt_s)?;
-        Ok((problem, Unknown { dt_s, parameter, points: unknown.points.clone() }))
+        let mut unknown = Unknown { parameter, ..unknown.clone() };
+        // that of another period is looked at when the orbit is found
+        if let Asked::PeriodS(period_s) = problem.asked {
+            unknown.dt_s = self.periods as f64 * period_s / self.steps as f64;
+            check_steps(&problem.physics, self.steps, unknown.dt_s)?;
+        }
+        Ok((problem, unknown))
     }
 
     /// True if nothing moves, or time does not pass, where a chain moves by itself.

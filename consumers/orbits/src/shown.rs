@@ -66,8 +66,8 @@ pub fn row(orbit: &Orbit) -> Vec<Cell> {
     ]
 }
 
-/// Columns of a map over two keys: their values, those of a branch, angle (rad) of the largest multiplier, name of the way in which the orbit is
-/// unstable.
+/// Columns of a map over two keys: their values, those of a branch, angle (rad) of the largest multiplier where one is outside of the
+/// unit circle, name of the way in which the orbit is unstable.
 pub fn map_columns([across, along]: &[String; 2]) -> Vec<Column> {
     let further = [Column::new("largest_angle_rad", Kind::Double), Column::new("stability", Kind::Word)];
     [Column::new(across, Kind::Double)].into_iter().chain(columns(along)).chain(further).collect()
@@ -85,7 +85,9 @@ pub fn map_row([across, along]: [f64; 2], found: Result<&Orbit, &NoOrbit>) -> Ve
             return start.chain(empty).chain([Cell::Word(format!("{NOT_FOUND}{why}"))]).collect();
         }
     };
-    let angle = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
+    // the sizes of those on the circle differ by rounding
+    let largest = orbit.multipliers.unstable().next();
+    let angle = largest.map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
     let way = Cell::Word(way(&orbit.multipliers).to_owned());
     [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, way]).collect()
 }

@@ -179,6 +179,22 @@ fn period_with(beads: u32, bonds: &str, ends: &str, amplitude: f64) -> f64 {
 
 /// Among beads that the seed displaces equally, some the other way, the amplitude is that of one on its side. With the other sign Newton's method
 /// came to orbits of no time, or of several periods.
+/// A seed that is far larger than the orbit would need shorter steps: those of the orbit count.
+#[test]
+fn steps_are_those_that_the_orbit_may_have() {
+    let of = |displacement_m: f64, steps: u64| {
+        format!(
+            "chain = {{ beads = 3, bead_mass_kg = 1.0, bonds = {{ linear = 1.0, cubic = 10.0 }} }}\nends = {{ left = 'fixed', right = 'fixed' }}\n\
+             orbit = {{ energy_j = 1e-4, steps = {steps}, mode = {{ number = 1, displacement_m = {displacement_m} }} }}"
+        )
+    };
+    let toml = of(0.4, 40);
+    assert!(read(&toml).problem(0.0).expect("a chain").physics.longest_dt_s() < 0.19);
+    assert!((find(&toml).period_s() / find(&of(0.02, 40)).period_s() - 1.0).abs() < 1e-9);
+    let refused = tried(&of(0.02, 20)).expect_err("long steps").to_string();
+    assert!(refused.contains("orbit.steps: found 20, of "), "{refused}");
+}
+
 #[test]
 fn an_amplitude_of_either_sign_has_the_same_orbit() {
     let toda = "toda = { stiffness = 1.0, steepness_per_m = 1.5 }";

@@ -121,12 +121,11 @@ impl LinearChain {
         self.is_uniform() && self.ring_n_per_m == self.contact_n_per_m[0]
     }
 
-    /// Sum of the springs at `bead` that do not lead to another bead, its resonator's among them (N/m).
+    /// Sum of the springs that tie `bead` to a place (N/m).
     pub fn tied_n_per_m(&self, bead: usize) -> f64 {
         let left = if bead == 0 { self.wall_n_per_m[0] } else { 0.0 };
         let right = if bead + 1 == self.bead_count() { self.wall_n_per_m[1] } else { 0.0 };
-        let resonator = self.resonator(bead).map_or(0.0, |resonator| resonator.stiffness_n_per_m);
-        self.on_site_n_per_m.get(bead).copied().unwrap_or(0.0) + left + right + resonator
+        self.on_site_n_per_m.get(bead).copied().unwrap_or(0.0) + left + right
     }
 
     /// The speed of long waves (beads/s), `1/√(<m>·<1/K>)` by the means over beads and springs; none where beads are tied to their places or a spring has no

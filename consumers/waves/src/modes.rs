@@ -3,12 +3,13 @@
 use crate::eigen::{Eigen, Square};
 use crate::linear::LinearChain;
 use schemas::functions::sine_cosine;
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 /// The modes of a linear chain, by ascending frequency.
 ///
 /// With `y = √m·u` the equations of motion are `ÿ = −D·y`, D symmetric; a mode is an eigenvector of D, and ω² its
-/// eigenvalue.
+/// eigenvalue, which is good to rounding of the largest: the lowest ω have fewer digits where masses or springs are far apart.
 #[derive(Debug, Clone)]
 pub struct Modes {
     omega_rad_s: Vec<f64>,
@@ -69,14 +70,11 @@ impl Modes {
         let count = Self::count_of(chain)?;
         let beads = chain.bead_count();
         if chain.is_uniform_ring() {
-            return Self::sorted(
-                waves_of_ring(chain),
-                vec![chain.mass_kg[0].sqrt(); beads],
-                beads,
-                Vec::new(),
-            );
+            let root_mass = vec![chain.mass_kg[0].sqrt(); beads];
+            return Self::sorted(chain, &links(chain, &[]), waves_of_ring(chain), root_mass, Vec::new());
         }
         let carriers: Vec<usize> = (0..beads).filter(|bead| chain.resonator(*bead).is_some()).collect();
+        let links = links(chain, &carriers);
         let inner = carriers.iter().filter_map(|bead| chain.resonator(*bead));
         let masses = chain.mass_kg.iter().copied().chain(inner.map(|inner| inner.mass_kg));
         let root_mass: Vec<f64> = masses.map(f64::sqrt).collect();
@@ -84,18 +82,11 @@ impl Modes {
         for bead in 0..beads {
             *springs.at(bead, bead) += chain.tied_n_per_m(bead);
         }
-        for (one, other, k) in chain.bonds() {
+        for &(one, other, k) in &links {
             *springs.at(one, one) += k;
             *springs.at(other, other) += k;
             *springs.at(one, other) -= k;
             *springs.at(other, one) -= k;
-        }
-        for (index, bead) in carriers.iter().enumerate() {
-            let k = chain.resonator(*bead).map_or(0.0, |inner| inner.stiffness_n_per_m);
-            let inner = beads + index;
-            *springs.at(inner, inner) += k;
-            *springs.at(*bead, inner) -= k;
-            *springs.at(inner, *bead) -= k;
         }
         for row in 0..count {
             for column in 0..count {
@@ -103,25 +94,40 @@ impl Modes {
             }
         }
         let eigen = Eigen::of(springs).ok_or(ModesError::NotFound)?;
-        Self::sorted(eigen, root_mass, beads, carriers)
+        Self::sorted(chain, &links, eigen, root_mass, carriers)
     }
 
     fn sorted(
+        chain: &LinearChain,
+        links: &[(usize, usize, f64)],
         Eigen { values, vectors }: Eigen,
         root_mass: Vec<f64>,
-        beads: usize,
         carriers: Vec<usize>,
     ) -> Result<Self, ModesError> {
-        let count = values.len();
+        let (count, beads) = (values.len(), chain.bead_count());
         let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         // rounding makes the zero of a free translation one of this size
         let zero = largest * f64::EPSILON * 32.0 * count as f64;
+        let free = free_pieces(chain, links, count);
+        // the energy of the springs, whose rounding is that of each of them
+        let by_springs = |mode: usize| {
+            let parts = vectors.row(mode).iter().zip(&root_mass);
+            let u: Vec<f64> = parts.map(|(part, root_kg)| part / root_kg).collect();
+            let tied = (0..beads).map(|bead| chain.tied_n_per_m(bead) * u[bead].powi(2)).sum::<f64>();
+            tied + links.iter().map(|&(one, other, k)| k * (u[one] - u[other]).powi(2)).sum::<f64>()
+        };
         let mut omega_rad_s = Vec::with_capacity(count);
         for (index, square) in values.into_iter().enumerate() {
             if square < -zero {
                 return Err(ModesError::Unstable { mode: index + 1, rate_per_s: (-square).sqrt() });
             }
-            omega_rad_s.push(if square > zero { square.sqrt() } else { 0.0 });
+            omega_rad_s.push(if square > zero {
+                square.sqrt()
+            } else if index < free {
+                0.0
+            } else {
+                by_springs(index).max(0.0).sqrt()
+            });
         }
         Ok(Self { omega_rad_s, vectors, root_mass, beads, carriers })
     }
@@ -195,6 +201,26 @@ impl Modes {
     }
 }
 
+/// The springs between beads, and those between the beads `carriers` and their resonators, as rows and N/m.
+fn links(chain: &LinearChain, carriers: &[usize]) -> Vec<(usize, usize, f64)> {
+    let inner = (chain.bead_count()..).zip(carriers).map(|(inner, bead)| {
+        (*bead, inner, chain.resonator(*bead).map_or(0.0, |resonator| resonator.stiffness_n_per_m))
+    });
+    inner.chain(chain.bonds()).collect()
+}
+
+/// Number of pieces of `count` beads and resonators that no spring ties to a place.
+fn free_pieces(chain: &LinearChain, links: &[(usize, usize, f64)], count: usize) -> usize {
+    let mut piece: Vec<usize> = (0..count).collect();
+    for &(one, other, _) in links.iter().filter(|(.., k)| *k != 0.0) {
+        let (kept, joined) = (piece[one], piece[other]);
+        piece.iter_mut().filter(|piece| **piece == joined).for_each(|piece| *piece = kept);
+    }
+    let tied = (0..chain.bead_count()).filter(|bead| chain.tied_n_per_m(*bead) != 0.0);
+    let held: BTreeSet<usize> = tied.map(|bead| piece[bead]).collect();
+    piece.into_iter().collect::<BTreeSet<_>>().len() - held.len()
+}
+
 /// The modes of a ring of which all is alike, where two have each frequency and no matrix tells which: the cosine of a wave before its
 /// sine, as [`Modal`](crate::modal::Modal) has them.
 fn waves_of_ring(chain: &LinearChain) -> Eigen {
@@ -243,6 +269,20 @@ mod tests {
         assert!((free.participation_beads(0) - f64::from(count)).abs() < 1e-8);
         // Σ sin⁴ is 3(N + 1)/8 exactly
         assert!((fixed.participation_beads(4) - 2.0 / 3.0 * f64::from(count + 1)).abs() < 1e-8);
+    }
+
+    /// A bead of next to no mass in the middle, where the first mode has a node, leaves its frequency as it is: 2√(K/m)·sin(π/(2N)).
+    #[test]
+    fn a_frequency_far_below_the_highest_is_none_of_a_free_motion() {
+        let mut linear = chain(201, &[1.0], 1.0, 0.0);
+        linear.mass_kg[100] = 1e-8;
+        let found = Modes::of(&linear).expect("modes").omega_rad_s().to_vec();
+        let expected = 2.0 * (PI / 402.0).sin();
+        assert!(found[0] == 0.0 && (found[1] / expected - 1.0).abs() < 1e-3, "{:?} {expected}", &found[..3]);
+        // two pieces, of which a wall holds one
+        (linear.contact_n_per_m[100], linear.wall_n_per_m[0]) = (0.0, 1.0);
+        let found = Modes::of(&linear).expect("modes").omega_rad_s().to_vec();
+        assert!(found[0] == 0.0 && found[1] > 0.0, "{:?}", &found[..3]);
     }
 
     /// The waves of a ring of equal beads solve its equations, and are of unit length and at right angles to each other.

@@ -44,14 +44,14 @@ impl Results {
     fn send(&self, py: Python<'_>, mut row: Option<Row>) -> PyResult<()> {
         loop {
             // a look never waits, so that nobody holds the lock for long
-            let sent = match &*self.rows.lock().unwrap_or_else(PoisonError::into_inner) {
-                Some(rows) => rows.try_send(row),
-                None => return Err(Why::new("LiveError", "these results are finished").into()),
-            };
+            let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+            let sent = rows.as_ref().map(|rows| rows.try_send(row));
+            drop(rows);
             match sent {
-                Ok(()) => return Ok(()),
-                Err(TrySendError::Full(back)) => row = back,
-                Err(TrySendError::Disconnected(_)) => return self.end(py),
+                None => return Err(Why::new("LiveError", "these results are finished").into()),
+                Some(Ok(())) => return Ok(()),
+                Some(Err(TrySendError::Full(back))) => row = back,
+                Some(Err(TrySendError::Disconnected(_))) => return self.end(py),
             }
             py.detach(|| thread::sleep(Self::PAUSE));
             py.check_signals()?;

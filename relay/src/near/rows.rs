@@ -1,13 +1,15 @@
 //! Results that analyses publish on the near bus, each topic in a thread of its own.
 
-use crate::log::{Kind, SharedLog};
+use crate::log::{Kind, SharedLog, lock};
 use crate::message::{MOST_ROW_BYTES, MOST_TOPICS, RowsHead, RowsMessage};
 use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, StreamId};
 use schemas::frame::EndReason;
 use schemas::results::{RowValues, Topic};
 use schemas::run_name::RunName;
+use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::mpsc::{Sender, channel};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -20,7 +22,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(100);
 /// Time for which the near side trusts that publishers announce themselves.
 const TRUST_PERIOD: Duration = Duration::from_secs(1);
 /// Longest silence of a living publisher after the end of the run.
-const PATIENCE: Duration = Duration::from_secs(2);
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The threads that send rows of results into a log.
 pub struct RowSenders<P> {
@@ -48,7 +50,8 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    /// Starts sending the results of `run`, once: before the run is joined, so that no row is missed.
+    /// Starts sending the results of `run`, once: before the run is joined, so that no row is missed. On return this process
+    /// is a subscriber of all present publishers, and new publishers wait for it.
     ///
     /// # Errors
     /// When the bus cannot be used.
@@ -58,8 +61,12 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
             return Ok(());
         }
         let watch = Arc::new(ResultsWatch::create(bus, run)?);
-        let others = self.another();
-        started.push(thread::spawn(move || others.look_out(&watch)));
+        let (others, mut known, (looking, looked)) = (self.another(), Vec::new(), channel());
+        others.look(&watch, &mut known, Some(&looking));
+        drop(looking);
+        // nothing is sent; each thread gives its end up when it has looked for a publisher
+        let _ = looked.recv();
+        started.push(thread::spawn(move || others.look_out(&watch, known)));
         Ok(())
     }
 
@@ -79,16 +86,15 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         *lock(&self.stream) = Some(stream);
     }
 
-    /// Starts a thread for each topic.
-    fn look_out(&self, watch: &Arc<ResultsWatch>) {
-        let (mut known, mut looked) = (Vec::new(), None::<Instant>);
+    /// Starts a thread for each topic that comes beside the `known` ones.
+    fn look_out(&self, watch: &Arc<ResultsWatch>, mut known: Vec<Topic>) {
+        let mut looked_at = Instant::now();
         loop {
             // who came with the last frame is seen, too
             let is_last = self.last_frame.get().is_some();
-            let came = looked.is_some() && watch.wait(LOOK_PERIOD);
-            if came || is_last || looked.is_none_or(|at| at.elapsed() >= TRUST_PERIOD) {
-                looked = Some(Instant::now());
-                self.look(watch, &mut known);
+            if watch.wait(LOOK_PERIOD) || is_last || looked_at.elapsed() >= TRUST_PERIOD {
+                looked_at = Instant::now();
+                self.look(watch, &mut known, None);
             }
             if is_last || (self.last_frame.get().is_some() && self.is_stopped()) {
                 break;
@@ -99,13 +105,13 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    fn look(&self, watch: &Arc<ResultsWatch>, known: &mut Vec<Topic>) {
+    fn look(&self, watch: &Arc<ResultsWatch>, known: &mut Vec<Topic>, looking: Option<&Sender<Infallible>>) {
         for topic in watch.topics().unwrap_or_default() {
             if known.contains(&topic) {
                 continue;
             }
             if known.len() < MOST_TOPICS {
-                lock(&self.started).push(self.spawn(watch, topic));
+                lock(&self.started).push(self.spawn(watch, topic, looking.cloned()));
             } else {
                 // a far side takes no more
                 let too_many = format!("{topic}: expected at most {MOST_TOPICS} topics of results");
@@ -115,20 +121,33 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    fn spawn(&self, watch: &Arc<ResultsWatch>, topic: Topic) -> JoinHandle<()> {
+    fn spawn(
+        &self,
+        watch: &Arc<ResultsWatch>,
+        topic: Topic,
+        looking: Option<Sender<Infallible>>,
+    ) -> JoinHandle<()> {
         let (it, watch) = (self.another(), Arc::clone(watch));
         thread::spawn(move || {
-            if let Err(error) = it.send(&watch, topic) {
+            if let Err(error) = it.send(&watch, topic, looking) {
                 lock(&it.failures).push(error.to_string());
             }
         })
     }
 
-    fn send(&self, watch: &ResultsWatch, topic: Topic) -> Result<(), ResultsError> {
+    /// Sends the rows of one publisher after the other. Gives `looking` up after the first look for one.
+    fn send(
+        &self,
+        watch: &ResultsWatch,
+        topic: Topic,
+        mut looking: Option<Sender<Infallible>>,
+    ) -> Result<(), ResultsError> {
         let mut over_since = None;
         loop {
             let over = self.last_frame.get().is_some();
-            match watch.attach(topic, Delivery::Lossless, Arc::default())? {
+            let found = watch.attach(topic, Delivery::Lossless, Arc::default())?;
+            drop(looking.take());
+            match found {
                 Some(mut rows) => {
                     self.send_all(&mut rows, topic)?;
                     if self.last_frame.get().is_some() {
@@ -161,12 +180,13 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
             return refused("classes without a tolerance; say what counts as touching".to_owned());
         }
         let (mut batch, mut count, mut since) = (RowsMessage::default(), 0, Instant::now());
-        let mut heard = Instant::now();
+        let (mut heard, mut due, mut lost) = (Instant::now(), DueRows::default(), 0);
         loop {
+            let last = self.last_frame.get().copied();
             match rows.receive_soon()? {
                 // the run goes on without us
                 Some(ResultReceived::Row(row))
-                    if self.last_frame.get().is_some_and(|last| row.frame > *last || self.is_stopped()) =>
+                    if last.is_some_and(|last| row.frame > last || self.is_stopped()) =>
                 {
                     head.ended = Some(false);
                 }
@@ -182,16 +202,22 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
                             }
                             RowValues::Classes(classes) => batch.push(row.frame, classes.iter().copied()),
                         }
+                        due.came(row.frame);
                         count += 1;
                     }
                 }
                 Some(ResultReceived::End(reason)) => head.ended = Some(reason == EndReason::Complete),
-                None if self.last_frame.get().is_some()
-                    && (heard.elapsed() >= PATIENCE || self.is_stopped()) =>
-                {
-                    head.ended = Some(false);
-                }
-                Some(ResultReceived::Missed { .. }) | None => {}
+                Some(ResultReceived::Missed { to, .. }) => lost = due.missed(last.unwrap_or(to).min(to)),
+                None => match last {
+                    None => heard = Instant::now(),
+                    Some(last) if heard.elapsed() >= PATIENCE || self.is_stopped() => {
+                        (lost, head.ended) = (due.missed(last), Some(false));
+                    }
+                    Some(_) => {}
+                },
+            }
+            if lost > 0 {
+                self.log.change(|log| log.lose_rows(std::mem::take(&mut lost)));
             }
             let is_due = batch.len() >= BATCH_BYTES || since.elapsed() >= BATCH_PERIOD;
             if head.ended.is_some() || (is_due && !batch.is_empty()) {
@@ -215,7 +241,44 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    // a thread that panicked has said why
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+/// The rows that are due from a publisher with one row for each frame.
+#[derive(Default)]
+struct DueRows {
+    next_frame: Option<u64>,
+    /// True if there was a row for each frame so far; none before the second row.
+    is_dense: Option<bool>,
+}
+
+impl DueRows {
+    fn came(&mut self, frame: u64) {
+        if self.next_frame.replace(frame + 1) == Some(frame) {
+            self.is_dense.get_or_insert(true);
+        }
+    }
+
+    /// No row up to this frame comes any more; gives how many were due.
+    fn missed(&mut self, to: u64) -> u64 {
+        let Some(next) = self.next_frame.replace(to + 1) else { return 0 };
+        if *self.is_dense.get_or_insert(false) { (to + 1).saturating_sub(next) } else { 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_do_not_come_are_counted_where_each_frame_has_one() {
+        let mut dense = DueRows::default();
+        assert_eq!(dense.missed(3), 0, "it may begin later than the run");
+        (5..7).for_each(|frame| dense.came(frame));
+        assert_eq!(dense.missed(9), 3);
+        dense.came(10);
+        assert_eq!([12, 12].map(|last| dense.missed(last)), [2, 0]);
+        let mut sparse = DueRows::default();
+        sparse.came(5);
+        assert_eq!(sparse.missed(9), 0, "nobody knows whether there were any");
+        (10..12).for_each(|frame| sparse.came(frame));
+        assert_eq!(sparse.missed(20), 0);
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::answers::Answers;
 use super::{Connections, DONE_KEY, Endpoint, Payload, WireError, connect, unless_stopped, zenoh_error};
+use crate::log::lock;
 use crate::message::{
     Done, GONE, Have, MOST_USUAL_BYTES, OVER, Offer, Place, Request, Versions, Welcome, answer,
     most_message_bytes, to_json,
@@ -269,8 +270,7 @@ enum Asked {
 
 impl Shared {
     fn state(&self) -> MutexGuard<'_, State> {
-        // a thread that panicked has said why
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     fn change(&self, change: impl FnOnce(&mut State)) {

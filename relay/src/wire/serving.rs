@@ -5,14 +5,14 @@ use super::{
     ANSWER_TIME, Connections, DONE_KEY, Endpoint, KEY, Payload, WireError, listen, unless_stopped,
     zenoh_error,
 };
-use crate::log::{Log, SharedLog};
+use crate::log::{Log, SharedLog, lock};
 use crate::message::{
     Done, GONE, Have, MessageError, OVER, Offer, Place, Request, Versions, Welcome, request, to_json,
 };
 use schemas::run_name::RunName;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 use zenoh::Wait as _;
@@ -147,11 +147,6 @@ impl Serving {
         self.shared.over.store(true, Ordering::Relaxed);
         self.shared.wake();
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // a thread that panicked has said why
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {

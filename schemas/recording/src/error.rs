@@ -230,14 +230,6 @@ impl ReadError {
             _ => None,
         }
     }
-
-    /// True if this is the wrong kind of file, rather than a damaged or unreadable one.
-    pub fn is_wrong_file(&self) -> bool {
-        matches!(
-            self,
-            Self::NotMcap { .. } | Self::NotBeadline { .. } | Self::NoChannel { .. } | Self::Manifest { .. }
-        )
-    }
 }
 
 /// Advice about a file that is not a recording, judged by its name.

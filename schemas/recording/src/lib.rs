@@ -28,6 +28,7 @@ mod write;
 
 pub use error::{ReadError, WriteError};
 pub use head::{BeginRecord, EndRecord, hex, state_hash};
+pub use proto::DescribedTopic;
 pub use read::encoded::{EncodedStates, SummaryChecker, SummaryDifference};
 pub use read::info::{ChannelInfo, RecordingInfo};
 pub use read::others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
@@ -41,7 +42,7 @@ pub use results::recorded_rows::RecordedRows;
 pub use results::row_messages::{RecordedRow, RowMessages};
 pub use write::channel_writer::{Compression, Finished, WriteOptions};
 pub use write::disk::{DiskWatch, room_for};
-pub use write::foreign::{ForeignChannel, ForeignTopic, ForeignWriter};
+pub use write::foreign::{ForeignChannel, ForeignWriter};
 pub use write::foxglove;
 pub use write::parts::{PartsWriter, Split, part_path};
 pub use write::scalars::Scalars;

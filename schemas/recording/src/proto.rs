@@ -4,45 +4,46 @@
 
 include!("../proto/made/beadline.v1.rs");
 
-/// One of our channels: its topic, and the descriptor of its messages.
+/// A channel as its readers expect it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Topic {
-    /// Topic of the channel.
-    pub(super) topic: &'static str,
-    /// Full name of the message.
-    pub(super) message: &'static str,
-    /// Self-contained `FileDescriptorSet` of the message.
-    pub(super) descriptor: fn() -> &'static [u8],
+pub struct DescribedTopic<'a> {
+    /// Its name.
+    pub topic: &'a str,
+    /// Full name of its messages' type.
+    pub message: &'a str,
+    /// The set of descriptors of that type and of the types that it needs.
+    pub descriptor: &'a [u8],
 }
 
-pub(super) const STATE: Topic = Topic {
+pub(super) const STATE: DescribedTopic<'static> = DescribedTopic {
     topic: "/state",
     message: "beadline.v1.ChainState",
-    descriptor: || include_bytes!("../proto/made/chain_state.binpb"),
+    descriptor: include_bytes!("../proto/made/chain_state.binpb"),
 };
 
-pub(super) const CHAIN: Topic = Topic {
+pub(super) const CHAIN: DescribedTopic<'static> = DescribedTopic {
     topic: "/chain",
     message: "beadline.v1.Chain",
-    descriptor: || include_bytes!("../proto/made/chain.binpb"),
+    descriptor: include_bytes!("../proto/made/chain.binpb"),
 };
 
-pub(super) const SUMMARY: Topic =
-    Topic { topic: "/summary", message: "beadline.v1.Summary", descriptor: || SUMMARY_DESCRIPTOR };
-
-pub(super) const SUMMARY_DESCRIPTOR: &[u8] = include_bytes!("../proto/made/summary.binpb");
+pub(super) const SUMMARY: DescribedTopic<'static> = DescribedTopic {
+    topic: "/summary",
+    message: "beadline.v1.Summary",
+    descriptor: include_bytes!("../proto/made/summary.binpb"),
+};
 
 /// The topics of frames. Every writer of frames writes these topics itself.
 pub(super) const OF_FRAMES: [&str; 3] = [CHAIN.topic, STATE.topic, SUMMARY.topic];
 
-pub(super) const CONTACTS: Topic = Topic {
+pub(super) const CONTACTS: DescribedTopic<'static> = DescribedTopic {
     topic: "/contacts",
     message: "beadline.v1.ContactClasses",
-    descriptor: || include_bytes!("../proto/made/contact_classes.binpb"),
+    descriptor: include_bytes!("../proto/made/contact_classes.binpb"),
 };
 
 /// All our topics whose messages are not made from columns, those of frames first.
-pub(super) const ALL: [Topic; 4] = [CHAIN, STATE, SUMMARY, CONTACTS];
+pub(super) const ALL: [DescribedTopic<'static>; 4] = [CHAIN, STATE, SUMMARY, CONTACTS];
 
 #[cfg(test)]
 mod tests {
@@ -52,7 +53,7 @@ mod tests {
     #[test]
     fn each_descriptor_set_holds_its_message_and_needs_no_other_file() {
         for topic in ALL {
-            let set = prost_types::FileDescriptorSet::decode((topic.descriptor)()).expect("descriptor set");
+            let set = prost_types::FileDescriptorSet::decode(topic.descriptor).expect("descriptor set");
             assert_eq!(set.file.len(), 1, "{}", topic.message);
             let file = &set.file[0];
             assert!(file.dependency.is_empty());
@@ -64,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_state_keeps_its_numbers_and_reserves_the_rest_of_one_byte_tags() {
-        let set = prost_types::FileDescriptorSet::decode((STATE.descriptor)()).expect("descriptor set");
+        let set = prost_types::FileDescriptorSet::decode(STATE.descriptor).expect("descriptor set");
         let message = &set.file[0].message_type[0];
         let fields: Vec<_> = message.field.iter().map(|f| (f.number(), f.name())).collect();
         let expected = ["frame", "step", "time_s", "displacement_m", "velocity_m_s", "extra"];

@@ -3,23 +3,27 @@
 use super::several::{self, several};
 use crate::json_schema::positive;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// The `[initial]` table, whose entries are added up.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Initial {
     /// Displacement of each bead (m), N values.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "of_beads")]
+    #[schemars(length(min = 1))]
     pub displacements_m: Vec<f64>,
     /// Velocity of each bead (m/s), N values.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "of_beads")]
+    #[schemars(length(min = 1))]
     pub velocities_m_s: Vec<f64>,
     /// Displacement of each resonator (m), N values, in place of those of their beads.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "of_beads")]
+    #[schemars(length(min = 1))]
     pub resonator_displacements_m: Vec<f64>,
     /// Velocity of each resonator (m/s), N values, in place of rest.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty", deserialize_with = "of_beads")]
+    #[schemars(length(min = 1))]
     pub resonator_velocities_m_s: Vec<f64>,
     /// A bell curve.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -53,6 +57,12 @@ impl Initial {
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
+}
+
+/// Reads a list of values of beads, which is left out where there is none.
+fn of_beads<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let values = Vec::deserialize(deserializer)?;
+    if values.is_empty() { Err(D::Error::invalid_length(0, &"a value for each bead")) } else { Ok(values) }
 }
 
 /// `A·exp(−(i − b)²/(2·w²))`.
@@ -186,4 +196,18 @@ pub struct FromRecording {
     /// SHA-256 of the state's displacements and velocities, as they were read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config::RunConfig;
+
+    #[test]
+    fn a_list_without_values_is_refused() {
+        let text = "chain = { beads = 2, bead_mass_kg = 1.0, alpha = 1.5, stiffness = 1.0 }\ntime.duration_s = 1.0\n\
+                    initial.velocities_m_s = []\nstriker = { bead = 0, velocity_m_s = 1.0 }\n";
+        let refused = RunConfig::from_toml(text).expect_err("no values").to_string();
+        let expected = "initial.velocities_m_s: found []; allowed: a value for each bead";
+        assert!(refused.contains(expected), "{refused}");
+    }
 }

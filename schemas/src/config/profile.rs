@@ -4,28 +4,27 @@ use super::ConfigError;
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Numbers for the beads, or the contacts, of a chain.
-#[derive(Debug, Clone, PartialEq, JsonSchema)]
-#[schemars(inline, rename_all = "snake_case")]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
 pub enum Profile {
     /// Values that repeat along the chain.
     Pattern(Vec<f64>),
     /// One value for each.
     List(Vec<f64>),
     /// The same everywhere.
-    #[schemars(untagged)]
+    #[serde(untagged)]
     Same(f64),
 }
 
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Written {
-    #[serde(skip_serializing_if = "Option::is_none")]
     pattern: Option<Vec<f64>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     list: Option<Vec<f64>>,
 }
 
@@ -76,18 +75,6 @@ impl Profile {
         match self.written().iter().find(|value| !range(**value)) {
             Some(value) => Err(ConfigError::number(key, *value, allowed)),
             None => Ok(()),
-        }
-    }
-}
-
-impl Serialize for Profile {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Same(value) => serializer.serialize_f64(*value),
-            Self::Pattern(values) => {
-                Written { pattern: Some(values.clone()), list: None }.serialize(serializer)
-            }
-            Self::List(values) => Written { list: Some(values.clone()), pattern: None }.serialize(serializer),
         }
     }
 }

@@ -13,11 +13,13 @@ use std::fmt;
 
 /// A sphere by its radius and its material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(try_from = "WrittenSphere", into = "WrittenSphere")]
+#[serde(try_from = "WrittenSphere")]
+#[schemars(into = "WrittenSphere")]
 pub struct Sphere {
     /// Radius (m).
     pub radius_m: f64,
     /// Its material.
+    #[serde(flatten)]
     pub material: Material,
 }
 
@@ -38,46 +40,27 @@ impl Sphere {
     }
 }
 
-#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct WrittenSphere {
     /// Name of the material.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("enum" = material_names()))]
     material: Option<String>,
     /// Radius (m), or `diameter_m`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     radius_m: Option<f64>,
     /// Diameter (m), or `radius_m`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     diameter_m: Option<f64>,
     /// Density ρ (kg/m³) [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
     /// Young's modulus E (Pa) [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     young_pa: Option<f64>,
     /// Poisson's ratio ν [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,
-}
-
-impl From<Sphere> for WrittenSphere {
-    fn from(sphere: Sphere) -> Self {
-        let Material { density_kg_m3, young_pa, poisson } = sphere.material;
-        Self {
-            radius_m: Some(sphere.radius_m),
-            density_kg_m3: Some(density_kg_m3),
-            young_pa: Some(young_pa),
-            poisson: Some(poisson),
-            ..Self::default()
-        }
-    }
 }
 
 impl TryFrom<WrittenSphere> for Sphere {
@@ -106,23 +89,19 @@ fn material_names() -> Value {
 }
 
 /// A material by its name, or by numbers, which come before those of the name.
-#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct WrittenMaterial {
     /// Name of the material.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("enum" = material_names()))]
     material: Option<String>,
     /// Density ρ (kg/m³) [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     density_kg_m3: Option<f64>,
     /// Young's modulus E (Pa) [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
     young_pa: Option<f64>,
     /// Poisson's ratio ν [default: that of the material].
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 0.5), extend("exclusiveMinimum" = -1))]
     poisson: Option<f64>,
 }
@@ -155,7 +134,7 @@ impl WrittenMaterial {
 }
 
 /// The material of a wall: a name, or a table of numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WallMaterial(pub Material);
 
 impl JsonSchema for WallMaterial {
@@ -166,19 +145,6 @@ impl JsonSchema for WallMaterial {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let table = WrittenMaterial::json_schema(generator);
         json_schema!({ "anyOf": [{ "enum": material_names() }, table] })
-    }
-}
-
-impl Serialize for WallMaterial {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Material { density_kg_m3, young_pa, poisson } = self.0;
-        let written = WrittenMaterial {
-            material: None,
-            density_kg_m3: Some(density_kg_m3),
-            young_pa: Some(young_pa),
-            poisson: Some(poisson),
-        };
-        written.serialize(serializer)
     }
 }
 
@@ -235,11 +201,12 @@ impl<'de> Deserialize<'de> for Spheres {
 
 /// One sphere that differs from the others.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "WrittenOddSphere", into = "WrittenOddSphere")]
+#[serde(try_from = "WrittenOddSphere")]
 pub struct OddSphere {
     /// Number of the bead, from 0.
     pub bead: u64,
     /// The sphere.
+    #[serde(flatten)]
     pub sphere: Sphere,
 }
 
@@ -255,30 +222,16 @@ pub(super) fn odd_schema(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// [`WrittenSphere`] with its bead: flattened, it would lose the places of its values.
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WrittenOddSphere {
     bead: u64,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     radius_m: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     diameter_m: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     density_kg_m3: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     young_pa: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     poisson: Option<f64>,
-}
-
-impl From<OddSphere> for WrittenOddSphere {
-    fn from(odd: OddSphere) -> Self {
-        let sphere = WrittenSphere::from(odd.sphere);
-        let WrittenSphere { material, radius_m, diameter_m, density_kg_m3, young_pa, poisson } = sphere;
-        Self { bead: odd.bead, material, radius_m, diameter_m, density_kg_m3, young_pa, poisson }
-    }
 }
 
 impl TryFrom<WrittenOddSphere> for OddSphere {

@@ -6,27 +6,23 @@ use super::{
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::path::PathBuf;
 
-#[derive(Clone, Serialize, Deserialize, JsonSchema)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WrittenDrive {
     /// The wall that is moved, or `bead`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     wall: Option<Side>,
     /// Number of the bead that is moved or pushed, from 0, or `wall`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     bead: Option<u64>,
     /// The force (N) on the bead, or one of the others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     force_n: Option<Waveform>,
     /// The displacement (m), which must not jump, or one of the others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     displacement_m: Option<Waveform>,
     /// The velocity (m/s), or one of the others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     velocity_m_s: Option<Waveform>,
 }
 
@@ -46,20 +42,18 @@ impl TryFrom<WrittenDrive> for Drive {
                 return Err("found `wall` and `bead`; allowed: one of them for each drive".to_owned());
             }
         };
-        let given =
-            [written.force_n.is_some(), written.displacement_m.is_some(), written.velocity_m_s.is_some()];
-        let found = given.iter().filter(|is_given| **is_given).count();
         let given = [
             (Quantity::Force, written.force_n),
             (Quantity::Displacement, written.displacement_m),
             (Quantity::Velocity, written.velocity_m_s),
         ];
-        let mut given = given.into_iter().filter_map(|(quantity, waveform)| Some((quantity, waveform?)));
-        let (Some((prescribes, waveform)), None) = (given.next(), given.next()) else {
-            return Err(format!(
+        let given = given.into_iter().filter_map(|(quantity, waveform)| Some((quantity, waveform?)));
+        let [(prescribes, waveform)] = given.collect::<Vec<_>>().try_into().map_err(|given: Vec<_>| {
+            let found = given.len();
+            format!(
                 "found {found} of `force_n`, `displacement_m`, `velocity_m_s`; allowed: one for each [[drive]]"
-            ));
-        };
+            )
+        })?;
         if let (Place::Wall(_), Quantity::Force) = (at, prescribes) {
             return Err(
                 "found `force_n` at a wall; allowed: `displacement_m` or `velocity_m_s`, or a force at the \
@@ -71,20 +65,15 @@ impl TryFrom<WrittenDrive> for Drive {
     }
 }
 
-impl From<Drive> for WrittenDrive {
-    fn from(drive: Drive) -> Self {
-        let (wall, bead) = match drive.at {
-            Place::Wall(side) => (Some(side), None),
-            Place::Bead(bead) => (None, Some(bead)),
-        };
-        let mut written = Self { wall, bead, force_n: None, displacement_m: None, velocity_m_s: None };
-        let place = match drive.prescribes {
-            Quantity::Force => &mut written.force_n,
-            Quantity::Displacement => &mut written.displacement_m,
-            Quantity::Velocity => &mut written.velocity_m_s,
-        };
-        *place = Some(drive.waveform);
-        written
+impl Serialize for Drive {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut written = serializer.serialize_map(Some(2))?;
+        match self.at {
+            Place::Wall(side) => written.serialize_entry("wall", &side)?,
+            Place::Bead(bead) => written.serialize_entry("bead", &bead)?,
+        }
+        written.serialize_entry(self.prescribes.key(), &self.waveform)?;
+        written.end()
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::{Interpolation, Table};
 use crate::amounts;
-use crate::functions::{Moment, TURN, angular, exp, sine_cosine};
-use crate::json_schema::{not_negative, positive};
+use crate::functions::{Moment, TURN, angular, exp, larger, sine_cosine};
+use crate::json_schema::{is_default, not_negative, positive};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -60,10 +60,10 @@ pub struct Sine {
     #[schemars(transform = positive)]
     pub frequency_hz: f64,
     /// The phase φ (rad).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub phase_rad: f64,
     /// Duration of its growth (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub ramp_s: f64,
     /// Its end (s).
@@ -71,7 +71,7 @@ pub struct Sine {
     #[schemars(transform = positive)]
     pub until_s: Option<f64>,
     /// Duration of its fall before the end (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub ramp_down_s: f64,
 }
@@ -92,11 +92,11 @@ pub struct Chirp {
     #[schemars(transform = positive)]
     pub duration_s: f64,
     /// Duration of its growth (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub ramp_s: f64,
     /// Duration of its fall before the end (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub ramp_down_s: f64,
 }
@@ -108,10 +108,10 @@ pub struct Step {
     /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Its beginning (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub at_s: f64,
     /// Duration of its growth (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub rise_s: f64,
 }
@@ -123,7 +123,7 @@ pub struct Ramp {
     /// The amplitude A, in the unit of the quantity.
     pub amplitude: f64,
     /// Beginning of the line (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub from_s: f64,
     /// End of the line (s).
     pub to_s: f64,
@@ -139,7 +139,7 @@ pub struct HalfSine {
     #[schemars(transform = positive)]
     pub duration_s: f64,
     /// Its beginning (s).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub at_s: f64,
 }
 
@@ -155,14 +155,9 @@ pub struct Gaussian {
     #[schemars(transform = positive)]
     pub width_s: f64,
     /// The frequency f (Hz) of the burst, 0 for a plain Gaussian.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(transform = not_negative)]
     pub frequency_hz: f64,
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
 }
 
 impl Waveform {
@@ -307,10 +302,6 @@ impl Waveform {
             _ => None,
         }
     }
-}
-
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
 }
 
 impl Sine {

@@ -26,6 +26,8 @@ use crate::config::{
 };
 use crate::damping::Damping;
 use crate::drive::Drive;
+use crate::functions::{larger, smaller};
+use crate::json_schema::is_default;
 use crate::method::{Feature, Method};
 use crate::rows::Rows;
 use crate::scales::Scales;
@@ -74,7 +76,7 @@ pub struct Physics {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub strikers: Vec<StrikerConfig>,
     /// Seed of disorder and thermal velocities.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub seed: u64,
     /// Random changes of the chain, in turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -303,21 +305,6 @@ impl Physics {
 /// Replaces a velocity of −0 by 0.
 fn without_sign(striker: StrikerConfig) -> StrikerConfig {
     StrikerConfig { velocity_m_s: striker.velocity_m_s + 0.0, ..striker }
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_zero(seed: &u64) -> bool {
-    *seed == 0
-}
-
-/// The larger of two numbers, none of them NaN.
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// The smaller of two numbers, none of them NaN.
-fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
 }
 
 /// The smallest and the largest of some numbers, none of them NaN.

@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::env;
+use std::ffi::OsString;
 
 /// Stands where a secret stood.
 const HIDDEN: &str = "[hidden]";
@@ -35,11 +36,7 @@ const QUERIES: [&str; 10] = [
 
 /// `text` without the secrets that the environment holds, passwords in URLs, and signatures in queries.
 pub fn masked(text: &str) -> String {
-    Secrets::of_environment(
-        env::vars_os()
-            .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?))),
-    )
-    .mask(text)
+    Secrets::of_environment().mask(text)
 }
 
 /// Values that no text may show.
@@ -50,8 +47,14 @@ pub(crate) struct Secrets {
 }
 
 impl Secrets {
-    /// The secrets of an environment.
-    pub(crate) fn of_environment(variables: impl Iterator<Item = (String, String)>) -> Self {
+    /// Those that the environment holds.
+    pub(crate) fn of_environment() -> Self {
+        let texts =
+            |(name, value): (OsString, OsString)| Some((name.into_string().ok()?, value.into_string().ok()?));
+        Self::of_variables(env::vars_os().filter_map(texts))
+    }
+
+    fn of_variables(variables: impl Iterator<Item = (String, String)>) -> Self {
         let mut secrets = Self::default();
         for (name, value) in variables {
             let name = name.to_ascii_uppercase();
@@ -230,9 +233,7 @@ mod tests {
             ("https_proxy", "http://me:topsecret1@proxy:3128"),
             ("HOME", "/home/somebody"),
         ];
-        Secrets::of_environment(
-            variables.map(|(name, value)| (name.to_owned(), value.to_owned())).into_iter(),
-        )
+        Secrets::of_variables(variables.map(|(name, value)| (name.to_owned(), value.to_owned())).into_iter())
     }
 
     #[test]

@@ -87,7 +87,7 @@ pub enum SendError {
         source: io::Error,
     },
     /// There is no note of the upload.
-    #[error("{}, the note of the upload, cannot be written; copy the recording to another directory", note.display())]
+    #[error("{}, the note of the upload, cannot be written; choose another --spool, or upload a copy in another directory", note.display())]
     Note {
         /// The note.
         note: PathBuf,

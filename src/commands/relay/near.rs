@@ -235,7 +235,7 @@ impl Relayed {
         })?;
         if self.rows_lost > 0 {
             notice!(
-                "{} of results were lost: the other side fetched them too late",
+                "{} of results were lost: they came or were fetched too late",
                 counted(self.rows_lost, "row")
             );
         }

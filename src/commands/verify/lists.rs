@@ -27,11 +27,22 @@ impl Lists {
         lists.rows(file);
         lists.toml(&file.toml);
         lists.unknown.push("who made it, where and when: name, run id, program, host and start".to_owned());
+        if matches!(file.toml, RunToml::Absent | RunToml::NotResolved(_)) {
+            lists.unknown.push("whose it is: author, ORCID, licence and DOI".to_owned());
+        }
         lists
     }
 
     fn states(&mut self, file: &Verified) {
         let found = &file.found;
+        let every = found.manifest.provenance.record_every_steps;
+        let most = |(first, last): (u64, u64)| (last.div_ceil(every) + 1).saturating_sub(first / every);
+        if found.step_range().is_some_and(|range| found.state_count > most(range)) {
+            self.unknown.push(format!(
+                "why there are more states than one every {}, the manifest's `record_every_steps`",
+                counted(every, "step")
+            ));
+        }
         if found.other_kernel.is_some() || found.state_count == 0 {
             self.unknown.push("the states: nothing was recomputed".to_owned());
             return;
@@ -128,10 +139,10 @@ impl Lists {
     fn toml(&mut self, toml: &RunToml) {
         match toml {
             RunToml::Agrees { has_dt: true } => {
-                self.compared.push("`run.toml`, resolved, with the manifest's physics".to_owned());
+                self.compared.push("`run.toml`, resolved, with the manifest's physics and credit".to_owned());
             }
             RunToml::Agrees { has_dt: false } => {
-                let what = "`run.toml`, resolved, with the manifest's physics, but for the time step, which it leaves open";
+                let what = "`run.toml`, resolved, with the manifest's physics and credit, but for the time step, which it leaves open";
                 self.compared.push(what.to_owned());
             }
             RunToml::Absent => self.unknown.push("there is no `run.toml`".to_owned()),

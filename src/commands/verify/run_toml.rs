@@ -1,6 +1,7 @@
 //! The configuration in a recording, against its manifest.
 
 use schemas::config::RunConfig;
+use schemas::credit::Credit;
 use schemas::manifest::{Physics, RunManifest};
 use serde_json::Value;
 
@@ -9,16 +10,16 @@ use serde_json::Value;
 pub(crate) enum RunToml {
     /// There is none.
     Absent,
-    /// The physics of the manifest; the time step, too, or that is derived and taken from the manifest.
+    /// The physics and the credit of the manifest; the time step, too, or that is derived and taken from the manifest.
     Agrees { has_dt: bool },
     /// This version makes no run of it.
     NotResolved(String),
-    /// Another physics: what differs.
+    /// Another physics or credit: what differs.
     Differs(Vec<String>),
 }
 
 impl RunToml {
-    /// Resolves `text` and compares it with the physics of `manifest`.
+    /// Resolves `text` and compares it with the physics and the credit of `manifest`.
     pub(crate) fn compare(text: Option<&str>, manifest: &RunManifest) -> Self {
         let Some(text) = text else { return Self::Absent };
         let physics = &manifest.physics;
@@ -40,9 +41,10 @@ impl RunToml {
         if dt_s.to_bits() == physics.dt_s.to_bits() {
             resolved.dt_s = dt_s;
         }
-        let (says, has) = (entries(&resolved), entries(physics));
+        let says = entries(&resolved, &config.provenance);
+        let has = entries(physics, &manifest.provenance.credit);
         let keys: std::collections::BTreeSet<_> = says.keys().chain(has.keys()).collect();
-        let text = |value: Option<&Value>| value.map_or_else(|| "the default".to_owned(), Value::to_string);
+        let text = |value: Option<&Value>| value.map_or_else(|| "not given".to_owned(), Value::to_string);
         let differs = keys.into_iter().filter(|key| says.get(*key) != has.get(*key));
         let differs: Vec<_> = differs
             .map(|key| {
@@ -54,10 +56,11 @@ impl RunToml {
     }
 }
 
-/// The physics by key; doubles are in their shortest form, so that equal texts are equal bits.
-fn entries(physics: &Physics) -> serde_json::Map<String, Value> {
+/// The physics and the credit by key; doubles are in their shortest form, so that equal texts are equal bits.
+fn entries(physics: &Physics, credit: &Credit) -> serde_json::Map<String, Value> {
+    let credit = credit.rows().into_iter().filter_map(|(key, text)| Some((key.to_owned(), text?.into())));
     match serde_json::from_str(&physics.to_json()) {
-        Ok(Value::Object(entries)) => entries,
+        Ok(Value::Object(entries)) => entries.into_iter().chain(credit).collect(),
         // a plain struct always is one
         _ => serde_json::Map::new(),
     }

@@ -224,10 +224,10 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
         let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
         report.row(rounds.row(what, "without it", floor, figure))?;
     }
-    let (with, without) = (moments(for_velocities, "")?, moments(plain_method, "")?);
+    let (with, without) = (moments(for_velocities, "")?, moments(Method::Rkn4, "")?);
     let rounds = Rounds::alternate(bench.rounds, || times(&with), || times(&without))?;
     let figure = format!("{:.2} ns a bead-step", rounds.ours_s() / with.bead_steps() * 1e9);
-    report.row(rounds.row("rk5, pressed, N = 200", "velocity Verlet", Floor::AtMost(16.0), figure))?;
+    report.row(rounds.row("rk5, pressed, N = 200", "rkn4, as many forces", Floor::AtMost(6.0), figure))?;
     for (kind, count) in TANGENTS {
         let moments = Moments::all_moving(&kind.config(), kind.steps() / 10 / count.div_ceil(8) as u64)?;
         let rounds = Rounds::alternate(

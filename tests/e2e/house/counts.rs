@@ -6,33 +6,33 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 14_790),
-    ("schemas", 9_615),
-    ("schemas/bus", 4_590),
-    ("schemas/recording", 6_810),
-    ("schemas/storage", 2_250),
+    ("the command", 14_860),
+    ("schemas", 9_510),
+    ("schemas/bus", 4_575),
+    ("schemas/recording", 6_760),
+    ("schemas/storage", 2_215),
     ("schemas/system", 160),
     ("schemas/source", 150),
     ("schemas/recorder", 450),
     ("producer", 9_030),
     ("consumers", 6_610),
     ("consumers/analyses", 4_655),
-    ("consumers/experiments", 1_740),
+    ("consumers/experiments", 1_755),
     ("consumers/exports", 950),
     ("consumers/figure", 3_145),
-    ("consumers/orbits", 3_135),
+    ("consumers/orbits", 3_145),
     ("consumers/paper", 4_650),
     ("consumers/plots", 1_570),
     ("consumers/screen", 700),
     ("consumers/waves", 1_575),
     ("page", 1_250),
-    ("relay", 2_500),
-    ("python", 2_285),
+    ("relay", 2_510),
+    ("python", 2_290),
     ("tests/bench", 2_370),
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_340;
+const MOST_LINES: usize = 82_300;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
@@ -41,7 +41,7 @@ const LONGEST: (usize, usize) = (100, 615);
 const NAMES: [(&str, usize); 3] = [("spreading", 2), ("toda", 4), ("rk5", 3)];
 
 /// Directories of the product, and how its files end.
-const PRODUCT: [&str; 7] = ["src", "schemas", "producer", "consumers", "page", "python", "relay"];
+const PRODUCT: [&str; 7] = ["src", "schemas", "producer", "consumers", "page", "python/src", "relay"];
 const LANGUAGES: [&str; 6] = ["rs", "js", "py", "pyi", "bash", "fish"];
 
 /// First words that a doc comment does not have: it says what the thing is or does.

@@ -145,8 +145,23 @@ pub(super) fn of_energy(config: &RunConfig, energy_per_bead_j: f64) -> Result<St
     }
     // from far below in small steps: behind the edge of a potential a state has less energy again
     high /= 128.0;
-    while energy_j(high) < wanted_j && high < 1e150 {
-        (low, high) = (high, 1.05 * high);
+    let (mut before, mut passed_j, mut here_j) = (0.0, [0.0; 2], energy_j(high));
+    while here_j < wanted_j && high < 1e150 {
+        if passed_j[1] > passed_j[0] && passed_j[1] > here_j {
+            // a top lies between
+            let (mut left, mut right) = (before, high);
+            while right - left > 1e-9 * right {
+                let third = (right - left) / 3.0;
+                let rises = energy_j(left + third) < energy_j(right - third);
+                (left, right) = if rises { (left + third, right) } else { (left, right - third) };
+            }
+            if energy_j(right) >= wanted_j {
+                (low, high) = (before, right);
+                break;
+            }
+        }
+        (before, low, high) = (low, high, 1.05 * high);
+        (passed_j, here_j) = ([passed_j[1], here_j], energy_j(high));
     }
     // down to neighbouring doubles
     loop {
@@ -241,10 +256,10 @@ mod tests {
         for (bonds, energy_j, potential_j) in [
             (
                 "quadratic = 3.0, cubic = 2.0",
-                0.03,
+                0.031_249_9,
                 (|x| x * x / 2.0 - x * x * x + x * x * x * x / 2.0) as fn(f64) -> f64,
             ),
-            ("quadratic = 0.25", 2.6, |x| x * x / 2.0 - x * x * x / 12.0),
+            ("quadratic = 0.25", 2.666_66, |x| x * x / 2.0 - x * x * x / 12.0),
         ] {
             let begins: &[f64] = if energy_j < 1.0 { &[0.01, 0.3, 0.9, 1.3] } else { &[0.1, 1.5, 3.9] };
             for begin_m in begins {

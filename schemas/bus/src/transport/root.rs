@@ -5,7 +5,6 @@ use crate::RootError;
 use crate::errors::MAX_ROOT_BYTES;
 use iceoryx2::prelude::{Config, FileName, Path as IoxPath, SemanticString};
 use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
 use std::fs::Metadata;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
@@ -110,12 +109,8 @@ fn is_secret(text: &str) -> bool {
 /// digits of the SHA-256 of the root's real path.
 pub(super) fn family(root: &Path) -> String {
     let hash = Sha256::digest(root.as_os_str().as_encoded_bytes());
-    let mut family = String::from("bl");
-    for byte in &hash[..3] {
-        // writing to a String cannot fail
-        let _ = write!(family, "{byte:02x}");
-    }
-    family
+    let [first, second, third, ..]: [u8; 32] = hash.into();
+    format!("bl{first:02x}{second:02x}{third:02x}")
 }
 
 /// Prefix of every file in `/dev/shm` of this root: its family, its secret, `_`.

@@ -101,38 +101,27 @@ fn consumers(bus: &Bus, node: &Node<Ipc>, run: &RunName, status: &RunStatus) -> 
 
 /// The names of the runs on the bus, in order.
 pub(super) fn run_names(bus: &Bus) -> Result<Vec<RunName>, BusError> {
-    let mut names: Vec<RunName> = Vec::new();
-    each_service(bus, |name| {
-        let run = name.strip_suffix("/manifest");
-        names.extend(run.and_then(|run| run.parse::<RunName>().ok()));
-    })?;
-    names.sort();
-    names.dedup();
-    Ok(names)
+    in_services(bus, |name| name.strip_suffix("/manifest")?.parse().ok())
 }
 
 /// The results of `run` that have services, in order.
 pub(super) fn results_of(bus: &Bus, run: &RunName) -> Result<Vec<ResultsName>, BusError> {
-    let mut found: Vec<ResultsName> = Vec::new();
-    each_service(bus, |name| {
-        let topic = name.strip_prefix(run.as_str()).and_then(|topic| topic.strip_prefix('/'));
-        found.extend(topic.and_then(|topic| topic.parse::<ResultsName>().ok()));
-    })?;
+    in_services(bus, |name| name.strip_prefix(run.as_str())?.strip_prefix('/')?.parse().ok())
+}
+
+/// What `find` finds in the names of all services, without `beadline/`: in order, each once.
+fn in_services<T: Ord>(bus: &Bus, find: impl Fn(&str) -> Option<T>) -> Result<Vec<T>, BusError> {
+    bus.clear_half_made();
+    let mut found = Vec::new();
+    let listed = Ipc::list(bus.config(), |details| {
+        let name = details.static_details.name().as_str().strip_prefix("beadline/");
+        found.extend(name.and_then(&find));
+        CallbackProgression::Continue
+    });
+    listed.map_err(|e| BusError::service("beadline/*", "list", &e))?;
     found.sort();
     found.dedup();
     Ok(found)
-}
-
-/// Calls `see` with the name of every service, without `beadline/`.
-fn each_service(bus: &Bus, mut see: impl FnMut(&str)) -> Result<(), BusError> {
-    bus.clear_half_made();
-    let listed = Ipc::list(bus.config(), |details| {
-        if let Some(name) = details.static_details.name().as_str().strip_prefix("beadline/") {
-            see(name);
-        }
-        CallbackProgression::Continue
-    });
-    listed.map_err(|e| BusError::service("beadline/*", "list", &e))
 }
 
 /// Lists every run on the bus, by name, including runs that are over while consumers are still reading and runs whose

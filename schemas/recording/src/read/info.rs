@@ -87,23 +87,35 @@ impl RecordingInfo {
         let mut messages = MessageReader::glance(RecordReader::open(path)?)?;
         messages.read_head()?;
         let (mut records, contents, manifest) = messages.into_parts();
-        if let Some(summary) = SummarySection::read(&mut records) {
-            return Ok(summarized(summary, path, &records, contents, manifest));
-        }
+        let head = Self::of_head(&records, contents, manifest);
+        let Some(summary) = SummarySection::read(&mut records) else { return Ok(head) };
         Ok(Self {
-            path: path.to_owned(),
+            channels: channels(&summary.contents, &summary.statistics.channel_message_counts),
+            first_step: summary.end.first_step,
+            last_step: summary.end.last_step,
+            uncompressed_bytes: summary.uncompressed_bytes,
+            end: Some(summary.end),
+            finished: true,
+            ..head
+        })
+    }
+
+    /// What the `head` of a file says, which `records` have read.
+    fn of_head(records: &RecordReader, head: Contents, manifest: RunManifest) -> Self {
+        Self {
+            path: records.path().to_owned(),
             manifest,
-            run_toml: contents.run_toml,
+            run_toml: head.run_toml,
             channels: Vec::new(),
             first_step: None,
             last_step: None,
             file_bytes: records.file_bytes(),
             uncompressed_bytes: 0,
-            begin: contents.begin,
+            begin: head.begin,
             end: None,
             finished: false,
             damage: None,
-        })
+        }
     }
 
     fn within(path: &Path, most_bytes: impl Fn(u64) -> u64) -> Result<Self, ReadError> {
@@ -182,20 +194,16 @@ fn scan(mut messages: MessageReader) -> Result<RecordingInfo, ReadError> {
         }
     };
     let finished = damage.is_none() && messages.is_finished();
-    let (records, contents, manifest) = messages.into_parts();
+    let (records, mut contents, manifest) = messages.into_parts();
     Ok(RecordingInfo {
-        path,
         channels: channels(&contents, &counts),
         first_step,
         last_step,
-        file_bytes: records.file_bytes(),
         uncompressed_bytes: contents.uncompressed_bytes,
-        begin: contents.begin,
-        end: contents.end.filter(|_| finished),
-        run_toml: contents.run_toml,
-        manifest,
+        end: contents.end.take().filter(|_| finished),
         finished,
         damage: damage.map(|error| error.to_string()),
+        ..RecordingInfo::of_head(&records, contents, manifest)
     })
 }
 
@@ -207,28 +215,4 @@ fn channels(contents: &Contents, counts: &BTreeMap<u16, u64>) -> Vec<ChannelInfo
         messages: counts.get(id).copied().unwrap_or(0),
     };
     contents.channels.iter().map(info).collect()
-}
-
-/// The contents of the recording `path` by its summary section, and by the `head` that `records` have read.
-fn summarized(
-    summary: SummarySection,
-    path: &Path,
-    records: &RecordReader,
-    head: Contents,
-    manifest: RunManifest,
-) -> RecordingInfo {
-    RecordingInfo {
-        path: path.to_owned(),
-        manifest,
-        run_toml: head.run_toml,
-        channels: channels(&summary.contents, &summary.statistics.channel_message_counts),
-        first_step: summary.end.first_step,
-        last_step: summary.end.last_step,
-        file_bytes: records.file_bytes(),
-        uncompressed_bytes: summary.uncompressed_bytes,
-        begin: head.begin,
-        end: Some(summary.end),
-        finished: true,
-        damage: None,
-    }
 }

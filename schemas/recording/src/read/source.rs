@@ -205,7 +205,7 @@ impl RecordingSource {
                 // between frames, and before the one that was sought
                 continue;
             }
-            let frame = self.check(&state).map_err(|what| damaged(self, what))?;
+            let frame = self.schedule().check(self.accounted, &state).map_err(|what| damaged(self, what))?;
             self.read = Some(state.step);
             let between = || self.all.then(|| self.messages.manifest().frame_at(state.step));
             if let Some(frame) = frame.or_else(between) {
@@ -213,11 +213,6 @@ impl RecordingSource {
             }
         }
         self.read_end()
-    }
-
-    /// The frame number of a state, which must be one of this run and in order.
-    fn check(&self, state: &StateHead) -> Result<Option<u64>, String> {
-        self.schedule().check(self.accounted, state)
     }
 
     fn schedule(&self) -> Schedule<'_> {

@@ -1,7 +1,7 @@
 //! The summary section of a closed file.
 
 use crate::head::{self, EndRecord};
-use crate::read::contents::{Channel, Contents, parse_metadata};
+use crate::read::contents::{Contents, parse_metadata};
 use crate::read::parse::parse_record;
 use crate::read::records::{RawRecord, RecordReader};
 use mcap::records::{Footer, MetadataIndex, Record, Statistics, op};
@@ -9,18 +9,6 @@ use std::collections::BTreeMap;
 
 /// Opcode, length and contents of the footer, and the magic.
 const FOOTER_BYTES: u64 = 9 + 20 + 8;
-
-/// The channels that the summary section of a closed file has, if it has a valid one.
-pub(crate) fn channels_of_summary(records: &mut RecordReader) -> Option<BTreeMap<u16, Channel>> {
-    SummarySection::read(records).map(|summary| summary.contents.channels)
-}
-
-/// Messages of each topic, as the summary section of a closed file has them, if it has a valid one.
-pub(crate) fn counts_of_summary(records: &mut RecordReader) -> Option<BTreeMap<String, u64>> {
-    let SummarySection { contents, statistics, .. } = SummarySection::read(records)?;
-    let count = |id| statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
-    Some(contents.by_topic(|id, _| Some(count(id))))
-}
 
 /// Contents of the summary section of a closed file.
 pub(crate) struct SummarySection {
@@ -52,6 +40,12 @@ impl SummarySection {
         let statistics: Statistics = statistics.filter(|found: &Statistics| found.chunk_count == chunks)?;
         let end = read_end(records, &end_index?)?;
         Some(Self { contents, statistics, uncompressed_bytes, end })
+    }
+
+    /// Messages of each topic.
+    pub(crate) fn counts(&self) -> BTreeMap<String, u64> {
+        let count = |id| self.statistics.channel_message_counts.get(&id).copied().unwrap_or(0);
+        self.contents.by_topic(|id, _| Some(count(id)))
     }
 }
 

@@ -14,7 +14,7 @@ use crate::read::messages::{MessageReader, RawMessage};
 use crate::read::others::OtherMessage;
 use crate::read::records::RecordReader;
 use crate::read::salvage::{Damage, DamageKind, LostFrames};
-use crate::read::summary;
+use crate::read::summary::SummarySection;
 use crate::results::row_messages::{RowHead, name_of_results};
 use crate::write::encode;
 use crate::write::schedule::Schedule;
@@ -150,7 +150,7 @@ impl Audit {
 
     /// Numbers of messages that the recording `path` should have, by topic, if its summary section has them.
     pub fn expected_counts(path: &Path) -> Option<BTreeMap<String, u64>> {
-        summary::counts_of_summary(&mut RecordReader::open(path).ok()?)
+        SummarySection::read(&mut RecordReader::open(path).ok()?).map(|summary| summary.counts())
     }
 
     /// The run.
@@ -204,10 +204,6 @@ impl Audit {
     /// The configuration as the user gave it, if the file has it; known at the end.
     pub fn run_toml(&self) -> Option<&str> {
         self.messages.contents().run_toml.as_deref()
-    }
-
-    fn loss_count(&self) -> u64 {
-        self.messages.loss_count()
     }
 
     /// True if the file has a summary section, which was then compared with the rest; known at the end.
@@ -308,7 +304,7 @@ impl Audit {
                 let awaited = self.awaited.take().map(|(step, _)| step);
                 if awaited != Some(summary.step) {
                     // of a state that is damaged or was refused
-                    let is_known = self.loss_count() > 0;
+                    let is_known = self.messages.loss_count() > 0;
                     return if is_known { Ok(None) } else { Err(no_state(summary.step)) };
                 }
                 check_times(head, summary.time_s)?;

@@ -1,5 +1,6 @@
 //! The space-time map of the contacts: one row of classes for each frame.
 
+use crate::PROFILE;
 use crate::error::{ReadError, WriteError};
 use crate::head::EndRecord;
 use crate::proto;
@@ -63,7 +64,7 @@ impl ContactsWriter {
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something other than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, None, None, options)?;
+        let mut file = ChannelWriter::create(PROFILE, path, manifest, None, None, options)?;
         let channel = file.add_channel(proto::CONTACTS)?;
         let contacts = manifest.all_contact_count();
         let row = proto::ContactClasses::default();

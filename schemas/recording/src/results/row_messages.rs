@@ -154,6 +154,16 @@ impl RowMessages {
         if let Layout::Things(_, _, threshold) = self.layout { threshold } else { None }
     }
 
+    /// Difference that keeps the rows of `other` out of a channel of these rows, in words; none if there is none.
+    pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+        let say = |it: &Self| {
+            let threshold = it.threshold().map(|threshold| format!(", threshold {threshold:e}"));
+            it.names().join(",") + &threshold.unwrap_or_default()
+        };
+        let is_same = self.names() == other.names() && self.threshold() == other.threshold();
+        (!is_same).then(|| format!("rows of `{}` after rows of `{}`", say(other), say(self)))
+    }
+
     /// Names of the values of a row: of all values, or of the values of each thing.
     pub(crate) fn names(&self) -> Vec<&str> {
         match &self.layout {
@@ -167,7 +177,7 @@ impl RowMessages {
     /// Self-contained `FileDescriptorSet` of the message.
     pub(crate) fn descriptor(&self) -> Vec<u8> {
         let things = match self.layout {
-            Layout::Classes { .. } => return (proto::CONTACTS.descriptor)().to_vec(),
+            Layout::Classes { .. } => return proto::CONTACTS.descriptor.to_vec(),
             Layout::Things(things, ..) => Some(things),
             _ => None,
         };

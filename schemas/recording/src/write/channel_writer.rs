@@ -11,13 +11,12 @@ mod output;
 mod queue;
 mod threads;
 
-use crate::PROFILE;
 use crate::error::WriteError;
 use crate::head;
 use crate::log_time_ns;
-use crate::proto::Topic;
+use crate::proto::DescribedTopic;
 use crate::read::contents::Channel;
-use chunks::{Chunks, Rules};
+use chunks::Chunks;
 use mcap::records::{AttachmentIndex, MessageHeader, Metadata};
 use output::Output;
 use queue::{Queue, Refused};
@@ -123,19 +122,9 @@ struct Definitions {
 }
 
 impl ChannelWriter {
-    /// Creates `<path>.partial` and syncs its head: manifest, beginning if given, and configuration.
+    /// Creates `<path>.partial`, for readers that look for `profile`, and syncs its head: manifest, beginning if given, and
+    /// configuration.
     pub(crate) fn create(
-        path: &Path,
-        manifest: &RunManifest,
-        begin: Option<Metadata>,
-        run_toml: Option<&str>,
-        options: &WriteOptions,
-    ) -> Result<Self, WriteError> {
-        Self::create_for(PROFILE, path, manifest, begin, run_toml, options)
-    }
-
-    /// Like [`create`](Self::create), for readers that look for another profile.
-    pub(crate) fn create_for(
         profile: &str,
         path: &Path,
         manifest: &RunManifest,
@@ -153,7 +142,7 @@ impl ChannelWriter {
             Output::begin(Arc::clone(file.file()), profile, &metadata, run_toml).map_err(&io)?;
         file.file().sync_data().map_err(&io)?;
         file.sync_name()?;
-        let queue = Queue::new(Chunks::new(Rules::of(options)));
+        let queue = Queue::new(Chunks::new(*options));
         let threads = Some(Threads::start(queue, output, options).map_err(&io)?);
         let (schemas, channels) = Default::default();
         Ok(Self { threads, schemas, channels, position, file })
@@ -169,19 +158,9 @@ impl ChannelWriter {
     }
 
     /// Adds the channel of `topic`.
-    pub(crate) fn add_channel(&mut self, topic: Topic) -> Result<ChannelId, WriteError> {
-        self.add_described(topic.topic, topic.message, (topic.descriptor)())
-    }
-
-    /// Adds the channel `topic` of protobuf messages called `message`, which `descriptor` describes.
-    pub(crate) fn add_described(
-        &mut self,
-        topic: &str,
-        message: &str,
-        descriptor: &[u8],
-    ) -> Result<ChannelId, WriteError> {
-        let schema = self.add_schema(message, "protobuf", descriptor)?;
-        self.define_channel(schema, topic, "protobuf", &BTreeMap::new())
+    pub(crate) fn add_channel(&mut self, topic: DescribedTopic<'_>) -> Result<ChannelId, WriteError> {
+        let schema = self.add_schema(topic.message, "protobuf", topic.descriptor)?;
+        self.define_channel(schema, topic.topic, "protobuf", &BTreeMap::new())
     }
 
     /// Adds a channel like `channel` of another file.
@@ -333,13 +312,6 @@ impl ChannelWriter {
         let path = file.publish()?;
         let bytes = position.load(Ordering::Relaxed);
         Ok(Finished { path, bytes, uncompressed_bytes, frames, held_back })
-    }
-}
-
-impl Rules {
-    fn of(options: &WriteOptions) -> Self {
-        let WriteOptions { chunk_bytes, queue_bytes, flush_period, sync_period, .. } = *options;
-        Self { chunk_bytes, queue_bytes, flush_period, sync_period }
     }
 }
 

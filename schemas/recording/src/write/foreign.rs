@@ -1,6 +1,7 @@
 //! MCAP files for other people's programs: their channels, schemas and messages.
 
 use crate::error::WriteError;
+use crate::proto::DescribedTopic;
 use crate::write::channel_writer::{ChannelId, ChannelWriter, Finished, WriteOptions};
 use mcap::records::Metadata;
 use schemas::manifest::RunManifest;
@@ -16,17 +17,6 @@ pub struct ForeignWriter {
     messages: u64,
 }
 
-/// A channel as its readers expect it.
-#[derive(Debug, Clone, Copy)]
-pub struct ForeignTopic<'a> {
-    /// Its name.
-    pub topic: &'a str,
-    /// Full name of its messages' type.
-    pub message: &'a str,
-    /// The set of descriptors of that type and of the types that it needs.
-    pub descriptor: &'a [u8],
-}
-
 /// A channel of a [`ForeignWriter`].
 #[derive(Debug, Clone, Copy)]
 pub struct ForeignChannel(ChannelId);
@@ -38,7 +28,7 @@ impl ForeignWriter {
     /// When there is such a file or its `.partial` and `options.force` is not set, when another process
     /// writes it, when something other than a file has its name, or when the operating system refuses.
     pub fn create(path: &Path, manifest: &RunManifest, options: &WriteOptions) -> Result<Self, WriteError> {
-        let file = ChannelWriter::create_for("", path, manifest, None, None, options)?;
+        let file = ChannelWriter::create("", path, manifest, None, None, options)?;
         Ok(Self { file, messages: 0 })
     }
 
@@ -46,8 +36,8 @@ impl ForeignWriter {
     ///
     /// # Errors
     /// When there are too many, or writing fails.
-    pub fn add_channel(&mut self, topic: &ForeignTopic<'_>) -> Result<ForeignChannel, WriteError> {
-        self.file.add_described(topic.topic, topic.message, topic.descriptor).map(ForeignChannel)
+    pub fn add_channel(&mut self, topic: &DescribedTopic<'_>) -> Result<ForeignChannel, WriteError> {
+        self.file.add_channel(*topic).map(ForeignChannel)
     }
 
     /// Writes a message about the simulated time `time_s`; `sequence` numbers those of its channel.
@@ -101,7 +91,7 @@ mod tests {
         let path = directory.path().join("test.mcap");
         let manifest = manifest();
         let mut file = ForeignWriter::create(&path, &manifest, &WriteOptions::default()).expect("new");
-        let topic = ForeignTopic { topic: "/words", message: "words.Word", descriptor: b"described" };
+        let topic = DescribedTopic { topic: "/words", message: "words.Word", descriptor: b"described" };
         let channel = file.add_channel(&topic).expect("channel");
         file.write(channel, 7, 0.5, b"word").expect("written");
         file.finish(&[("states", "0".into())]).expect("finished");
@@ -122,7 +112,7 @@ mod tests {
         let directory = tempfile::tempdir().expect("directory");
         let path = directory.path().join("test.mcap");
         let mut file = ForeignWriter::create(&path, &manifest(), &WriteOptions::default()).expect("new");
-        let topic = ForeignTopic { topic: "/a", message: "a", descriptor: b"" };
+        let topic = DescribedTopic { topic: "/a", message: "a", descriptor: b"" };
         let channel = file.add_channel(&topic).expect("channel");
         file.write(channel, 0, 0.0, b"a").expect("written");
         drop(file);

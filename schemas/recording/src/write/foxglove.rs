@@ -1,6 +1,6 @@
 //! Messages that Foxglove, Lichtblick and Rerun draw by themselves.
 
-use crate::ForeignTopic;
+use crate::DescribedTopic;
 use prost::Message;
 pub use prost_types::Timestamp;
 
@@ -18,15 +18,15 @@ pub use messages::{Log, PackedElementField, PointCloud, Pose, Quaternion, RawIma
 /// A message with a channel of its own.
 pub trait FoxgloveMessage: Message {
     /// The channel `topic` of such messages.
-    fn topic(topic: &str) -> ForeignTopic<'_>;
+    fn topic(topic: &str) -> DescribedTopic<'_>;
 }
 
 macro_rules! described {
     ($($message:ident),*) => {$(
         impl FoxgloveMessage for $message {
-            fn topic(topic: &str) -> ForeignTopic<'_> {
+            fn topic(topic: &str) -> DescribedTopic<'_> {
                 let descriptor = include_bytes!(concat!("../../proto/made/", stringify!($message), ".binpb"));
-                ForeignTopic { topic, message: concat!("foxglove.", stringify!($message)), descriptor }
+                DescribedTopic { topic, message: concat!("foxglove.", stringify!($message)), descriptor }
             }
         }
     )*};

@@ -1,8 +1,7 @@
 //! Our own messages of scalars in files for other programs.
 
-use crate::proto;
+use crate::proto::{self, DescribedTopic};
 use crate::write::encode;
-use crate::write::foreign::ForeignTopic;
 use prost::Message;
 use schemas::frame::Frame;
 use schemas::summary::Summary;
@@ -15,16 +14,12 @@ pub struct Scalars {
 
 impl Scalars {
     /// The channel of the summaries, as it is in recordings.
-    pub const SUMMARY: ForeignTopic<'static> = ForeignTopic {
-        topic: proto::SUMMARY.topic,
-        message: proto::SUMMARY.message,
-        descriptor: proto::SUMMARY_DESCRIPTOR,
-    };
+    pub const SUMMARY: DescribedTopic<'static> = proto::SUMMARY;
 
     /// The channel `topic` of the motion of one bead.
-    pub fn motion_topic(topic: &str) -> ForeignTopic<'_> {
+    pub fn motion_topic(topic: &str) -> DescribedTopic<'_> {
         let descriptor = include_bytes!("../../proto/made/bead_motion.binpb");
-        ForeignTopic { topic, message: "beadline.v1.BeadMotion", descriptor }
+        DescribedTopic { topic, message: "beadline.v1.BeadMotion", descriptor }
     }
 
     /// The message of the summary of `frame`.

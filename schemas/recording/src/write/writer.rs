@@ -1,5 +1,6 @@
 //! The recorder: a frame sink into a file.
 
+use crate::PROFILE;
 use crate::error::WriteError;
 use crate::head::{self, BeginRecord, EndRecord};
 use crate::proto;
@@ -38,9 +39,9 @@ pub struct RecordingWriter {
 }
 
 /// The channel of a kind of results.
-#[derive(Debug, Clone, Copy)]
 struct RowChannel {
     id: ChannelId,
+    messages: RowMessages,
     last_step: u64,
 }
 
@@ -86,7 +87,7 @@ impl RecordingWriter {
         begin: &BeginRecord,
         options: &WriteOptions,
     ) -> Result<Self, WriteError> {
-        let mut file = ChannelWriter::create(path, manifest, begin.metadata(), run_toml, options)?;
+        let mut file = ChannelWriter::create(PROFILE, path, manifest, begin.metadata(), run_toml, options)?;
         let chain = file.add_channel(proto::CHAIN)?;
         let state = file.add_channel(proto::STATE)?;
         let summary = file.add_channel(proto::SUMMARY)?;
@@ -135,14 +136,16 @@ impl RecordingWriter {
     /// Records a row of results, in the order of frames within each kind. Its channel is added with the first row.
     ///
     /// # Errors
-    /// When the row is not of this run or not after the row before, or when writing fails.
+    /// When the row is not of this run, not after the row before, or of other columns than that one, or when writing fails.
     pub fn write_row(&mut self, rows: &RowMessages, row: &ResultRow<'_>) -> Result<(), WriteError> {
-        let before = self.rows.get(rows.topic()).copied();
+        let before = self.rows.get_mut(rows.topic());
         self.message.clear();
         let encoded = if self.manifest.step_of_frame(row.frame) != row.step {
             Err(format!("that frame is step {}", self.manifest.step_of_frame(row.frame)))
-        } else if let Some(last) = before.map(|channel| channel.last_step).filter(|last| *last >= row.step) {
+        } else if let Some(last) = before.as_ref().map(|it| it.last_step).filter(|last| *last >= row.step) {
             Err(format!("the row of step {last} was recorded before"))
+        } else if let Some(other) = before.as_ref().and_then(|it| it.messages.difference(rows)) {
+            Err(format!("{other}; record them into a recording of their own"))
         } else {
             rows.encode(row, &mut self.message)
         };
@@ -152,11 +155,15 @@ impl RecordingWriter {
             step: row.step,
             what: format!("a row of {}: {what}", rows.topic()),
         })?;
-        let id = match before {
-            Some(channel) => channel.id,
-            None => rows.add_to(&mut self.file)?,
+        let id = if let Some(channel) = before {
+            channel.last_step = row.step;
+            channel.id
+        } else {
+            let (id, messages) = (rows.add_to(&mut self.file)?, rows.clone());
+            let channel = RowChannel { id, messages, last_step: row.step };
+            self.rows.insert(rows.topic().to_owned(), channel);
+            id
         };
-        self.rows.insert(rows.topic().to_owned(), RowChannel { id, last_step: row.step });
         self.file.write(id, row.frame, row.time_s, &self.message)?;
         self.file.keep();
         Ok(())
@@ -210,11 +217,6 @@ impl RecordingWriter {
     /// Frames recorded so far.
     pub fn frames(&self) -> u64 {
         self.frames
-    }
-
-    /// Path of the file until [`finish`](Self::finish): `<path>.partial`.
-    pub fn partial_path(&self) -> &Path {
-        self.file.path()
     }
 
     /// Ends the recording for `reason`, on the disk and under its name.

@@ -92,7 +92,7 @@ fn files_that_are_no_recordings_are_told_apart() {
     assert!(matches!(RecordingSource::open(directory.path()).err().unwrap(), ReadError::NotMcap { .. }));
     forge(&path, "ros2", &[], &[]);
     let error = open();
-    assert!(error.is_wrong_file());
+    assert!(matches!(error, ReadError::NotBeadline { .. }));
     assert!(error.to_string().ends_with("its profile is `ros2` instead of `beadline`"), "{error}");
     forge(&path, "beadline", &[], &[]);
     assert!(open().to_string().contains("not the metadata `beadline.run`"), "{}", open());
@@ -144,7 +144,7 @@ fn a_newer_minor_version_is_read_unless_it_knows_more_of_the_physics() {
     forge(&path, "beadline", &[newer_metadata("physics")], &states);
     let error = RecordingSource::open(&path).err().unwrap();
     let text = with_causes(&error);
-    assert!(error.is_wrong_file(), "{text}");
+    assert!(matches!(error, ReadError::Manifest { .. }), "{text}");
     assert!(["1.2", "1.1", "`walls`"].iter().all(|word| text.contains(word)), "{text}");
 }
 

@@ -138,7 +138,7 @@ fn a_file_that_appears_meanwhile_is_left_alone() {
     let (_directory, path) = temp_dir();
     let manifest = manifest(3, 1, 1);
     let writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap();
-    let partial = writer.partial_path().to_owned();
+    let partial = path.with_extension("mcap.partial");
     assert!(!path.exists() && partial.exists());
     fs::write(&path, "precious").unwrap();
     let error = writer.finish(EndReason::Interrupted).err().unwrap();

@@ -99,3 +99,28 @@ fn rows_of_results_have_channels_of_their_own() {
     let row = map.next_row().unwrap().unwrap();
     assert_eq!((row.frame, row.tolerance_m, row.classes), (4, 1e-12, &[1; 39][..]));
 }
+
+/// A channel has one list of names. A second publisher of a topic may name other beads, or count other pulses.
+#[test]
+fn rows_of_other_columns_than_those_before_are_refused() {
+    let (_directory, path) = temp_dir();
+    let manifest = manifest(9, 1, 1);
+    let mut writer = RecordingWriter::create(&path, &manifest, RUN_TOML, &options()).unwrap();
+    let mut write = |frame, topic, columns: &ResultColumns| {
+        let rows = RowMessages::new(Topic::results(topic).unwrap(), columns, &manifest).unwrap();
+        let values = RowValues::Numbers(&[2.0, 0.0, 0.0, 0.0, 0.0][..columns.width]);
+        let row = ResultRow { frame, step: frame, time_s: manifest.physics.time_s(frame), values };
+        writer.write_row(&rows, &row).map_err(|error| error.to_string())
+    };
+    let force = |bead| ResultColumns::named(&[&*format!("force_bead_{bead}_n")]);
+    let pulses = |threshold| ResultColumns::pulses(1, threshold);
+    for (topic, columns, other, said) in [
+        ("forces", force(3), force(9), "rows of `force_bead_9_n` after rows of `force_bead_3_n`"),
+        ("pulses", pulses(0.1), pulses(1e-3), "threshold 1e-3` after"),
+    ] {
+        write(0, topic, &columns).unwrap();
+        let refused = write(1, topic, &other).unwrap_err();
+        assert!(refused.contains(said), "{refused}");
+        write(2, topic, &columns).unwrap();
+    }
+}

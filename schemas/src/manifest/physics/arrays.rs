@@ -41,13 +41,13 @@ impl Physics {
         let law = ContactLaw::new(self.alpha);
         let (mut stiffness, mut terms) = self.terms(stiffness);
         // as for the contact before where that is like it
-        let last = Cell::new(([0.0; 2], 0.0));
+        let last: Cell<Option<([f64; 2], f64)>> = Cell::new(None);
         let overlap_m = |stiffness: f64, load_n: f64, of_terms: &dyn Fn(&Term) -> f64| {
             if terms.is_empty() {
-                if last.get().0 != [stiffness, load_n] {
-                    last.set(([stiffness, load_n], self.overlap_under(load_n, stiffness)));
-                }
-                return last.get().1;
+                let like_it = last.get().filter(|(of, _)| *of == [stiffness, load_n]);
+                let overlap_m = like_it.map_or_else(|| self.overlap_under(load_n, stiffness), |(_, it)| it);
+                last.set(Some(([stiffness, load_n], overlap_m)));
+                return overlap_m;
             }
             balance(&law, stiffness, &terms.iter().map(|term| (&term.law, of_terms(term))), load_n)
         };

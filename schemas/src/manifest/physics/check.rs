@@ -59,7 +59,8 @@ impl Physics {
 
     /// Checks all that needs the arrays of the chain: the values that disorder makes, the scales, and the step.
     pub(in crate::manifest) fn check_whole(&self) -> Result<(), ConfigError> {
-        self.check_resolved()?;
+        self.check_what_disorder_makes()?;
+        self.check_scales()?;
         self.check_dt(self.dt_s)
     }
 
@@ -108,11 +109,6 @@ impl Physics {
             }
         }
         Ok(())
-    }
-
-    fn check_resolved(&self) -> Result<(), ConfigError> {
-        self.check_what_disorder_makes()?;
-        self.check_scales()
     }
 
     /// Checks each number that is written, without an array of the chain.

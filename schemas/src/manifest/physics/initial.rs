@@ -36,39 +36,28 @@ impl Physics {
             }
         }
         self.check_lists()?;
-        let shapes = initial.gaussian.iter().flat_map(|bell| {
-            let Gaussian { bead, displacement_m, velocity_m_s, width_beads: _ } = *bell;
-            [
-                ("gaussian.bead", bead),
-                ("gaussian.displacement_m", displacement_m),
-                ("gaussian.velocity_m_s", velocity_m_s),
-            ]
-        });
-        let shapes = shapes.chain(initial.plane_wave.iter().flat_map(|wave| {
-            let PlaneWave { cycles, displacement_m, velocity_m_s, phase_rad } = *wave;
-            [
-                ("plane_wave.cycles", cycles),
-                ("plane_wave.displacement_m", displacement_m),
-                ("plane_wave.velocity_m_s", velocity_m_s),
-                ("plane_wave.phase_rad", phase_rad),
-            ]
-        }));
-        let shapes = shapes.chain(initial.mode.iter().flat_map(|mode| {
-            [("mode.displacement_m", mode.displacement_m), ("mode.velocity_m_s", mode.velocity_m_s)]
-        }));
+        let (bell, wave, mode) = (initial.gaussian, initial.plane_wave, initial.mode);
+        let shapes = [
+            ("gaussian.bead", bell.map(|bell| bell.bead)),
+            ("gaussian.displacement_m", bell.map(|bell| bell.displacement_m)),
+            ("gaussian.velocity_m_s", bell.map(|bell| bell.velocity_m_s)),
+            ("plane_wave.cycles", wave.map(|wave| wave.cycles)),
+            ("plane_wave.displacement_m", wave.map(|wave| wave.displacement_m)),
+            ("plane_wave.velocity_m_s", wave.map(|wave| wave.velocity_m_s)),
+            ("plane_wave.phase_rad", wave.map(|wave| wave.phase_rad)),
+            ("mode.displacement_m", mode.map(|mode| mode.displacement_m)),
+            ("mode.velocity_m_s", mode.map(|mode| mode.velocity_m_s)),
+        ];
         for (name, found) in shapes {
-            if found.is_nan() || found.abs() > 1e100 {
-                return Err(ConfigError::number(
-                    &format!("initial.{name}"),
-                    found,
-                    "a number of at most 1e100 in size",
-                ));
+            if let Some(found) = found.filter(|found| found.is_nan() || found.abs() > 1e100) {
+                let allowed = "a number of at most 1e100 in size";
+                return Err(ConfigError::number(&format!("initial.{name}"), found, allowed));
             }
         }
-        if let Some(bell) = initial.gaussian {
+        if let Some(bell) = bell {
             check_positive("initial.gaussian.width_beads", bell.width_beads, "beads")?;
         }
-        if let Some(mode) = initial.mode
+        if let Some(mode) = mode
             && !(1..=self.beads).contains(&mode.number)
         {
             let allowed = format!("modes 1 to {}", self.beads);

@@ -3,7 +3,9 @@
 use super::Physics;
 use crate::amounts::{counted, typed, typed_quantity};
 use crate::bath::Bath;
-use crate::config::{Disorder, Disordered, End, MassRule, Sphere, StiffnessRule, TwoValued};
+use crate::config::{
+    Disorder, Disordered, End, MassRule, OddContact, OddSphere, Sphere, StiffnessRule, TwoValued,
+};
 use crate::damping::Damping;
 use crate::drive::Drive;
 use crate::material::{MATERIALS, Material};
@@ -36,11 +38,8 @@ impl Physics {
             }
             StiffnessRule::List(_) => Some("stiffnesses from a list".to_owned()),
         });
-        let odd = self.contacts.iter().take(SHOWN);
-        phrases.extend(odd.map(|odd| format!("contact {}: {:e} N/m^α", odd.contact, odd.stiffness)));
-        if self.contacts.len() > SHOWN {
-            phrases.push(format!("… ({} odd contacts)", self.contacts.len()));
-        }
+        let odd = |odd: &OddContact| format!("contact {}: {:e} N/m^α", odd.contact, odd.stiffness);
+        phrases.extend(first_few(&self.contacts, odd, "odd contacts"));
         phrases.extend(self.walls_in_words().map(str::to_owned));
         self.ends_in_words(&mut phrases);
         let load = &self.load;
@@ -56,18 +55,12 @@ impl Physics {
     /// Adds a phrase for each thing beyond one struck bead and one power law.
     fn additions_in_words(&self, phrases: &mut Vec<String>) {
         if let Some(spheres) = &self.spheres {
-            let mut words: Vec<_> = spheres.0.iter().take(SHOWN).map(sphere_in_words).collect();
-            words.extend(
-                (spheres.0.len() > SHOWN).then(|| format!("… ({} kinds of spheres)", spheres.0.len())),
-            );
+            let words = first_few(&spheres.0, sphere_in_words, "kinds of spheres");
             let in_turn = if spheres.0.len() > 1 { " in turn" } else { "" };
             phrases.push(format!("spheres of {}{in_turn}", words.join(", ")));
         }
-        let odd = self.odd_spheres.iter().take(SHOWN);
-        phrases.extend(odd.map(|odd| format!("bead {}: {}", odd.bead, sphere_in_words(&odd.sphere))));
-        if self.odd_spheres.len() > SHOWN {
-            phrases.push(format!("… ({} other spheres)", self.odd_spheres.len()));
-        }
+        let odd = |odd: &OddSphere| format!("bead {}: {}", odd.bead, sphere_in_words(&odd.sphere));
+        phrases.extend(first_few(&self.odd_spheres, odd, "other spheres"));
         phrases.extend(self.alphas.as_ref().map(|alphas| format!("α of {}", first_of(alphas.written()))));
         phrases.extend(self.second.as_ref().map(|second| format!("a second power, α = {}", second.alpha)));
         phrases.extend(self.gaps_m.as_ref().map(|_| "gaps".to_owned()));
@@ -93,14 +86,8 @@ impl Physics {
         }
         phrases.extend(on_site.drag_n_s_per_m.as_ref().map(|_| "drag".to_owned()));
         phrases.extend(self.resonators.as_ref().map(|_| "resonators".to_owned()));
-        phrases.extend(self.drives.iter().take(SHOWN).map(Drive::words));
-        if self.drives.len() > SHOWN {
-            phrases.push(format!("… ({} drives)", self.drives.len()));
-        }
-        phrases.extend(self.baths.iter().take(SHOWN).map(Bath::words));
-        if self.baths.len() > SHOWN {
-            phrases.push(format!("… ({} baths)", self.baths.len()));
-        }
+        phrases.extend(first_few(&self.drives, Drive::words, "drives"));
+        phrases.extend(first_few(&self.baths, Bath::words, "baths"));
         phrases.extend((!self.initial.is_none()).then(|| "an initial state".to_owned()));
         self.seeds_in_words(phrases);
         if !self.strikers.is_empty() {
@@ -180,9 +167,14 @@ fn disorder_in_words(disorder: &Disorder) -> String {
 
 /// The first few values, in words.
 fn first_of(values: &[f64]) -> String {
-    let mut words: Vec<_> = values.iter().take(SHOWN).map(f64::to_string).collect();
-    words.extend((values.len() > SHOWN).then(|| format!("… ({} values)", values.len())));
-    words.join(", ")
+    first_few(values, f64::to_string, "values").join(", ")
+}
+
+/// The first of some things in words, and the count of all `things` if there are more.
+fn first_few<T>(all: &[T], words: impl Fn(&T) -> String, things: &str) -> Vec<String> {
+    let mut few: Vec<_> = all.iter().take(SHOWN).map(words).collect();
+    few.extend((all.len() > SHOWN).then(|| format!("… ({} {things})", all.len())));
+    few
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub use limits::Limit;
 /// The step that one part of a chain allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Allowed {
-    /// The default step (s).
+    /// The default step (s), at most `longest_s`.
     usual_s: f64,
     /// The longest step (s) that a run may have, if this part sets one.
     longest_s: f64,
@@ -35,7 +35,7 @@ impl Physics {
     /// Contacts allow `min(struck·T_struck, fraction·T_load)·min(1, 5/α)` with the fraction of [`Method::default_step_fraction`](crate::method::Method::default_step_fraction),
     /// and for `struck` what `Method::struck_step_fraction` leaves of it. With damping it is a quarter of that, or
     /// `fraction·T_settle` where that is less (0.4 of it for dashpots): the force jumps, or has a kink, where a damped
-    /// contact closes, and the balance of energies is of the order of `dt/T_settle`.
+    /// contact closes, and the balance of energies is of the order of `dt/T_settle`. It is never longer than a run may have.
     ///
     /// `T_struck` is the shortest of T (of a bead of `bead_mass_kg`), of the striker's own collision time with the
     /// stiffest contact, and of `√2·T_fast` (`collision_s` of the lightest bead), which counts where a bead is less than
@@ -91,6 +91,9 @@ impl Physics {
             let usual_s = 0.01 / drive.waveform.highest_hz()?;
             Some(Allowed { usual_s, longest_s: f64::INFINITY, by: Limit::Drive(number) })
         }));
+        for part in &mut allowed {
+            part.usual_s = smaller(part.usual_s, part.longest_s);
+        }
         allowed
     }
 
@@ -377,6 +380,31 @@ mod tests {
     fn a_step_that_was_asked_for_is_kept() {
         let physics = light_impurity(|config| config.time.dt_s = Some(1.7e-6));
         assert_eq!((physics.dt_s, physics.step_count), (1.7e-6, 47_059));
+    }
+
+    /// However strong the damping is, the manifest of a run with the default step is a possible one.
+    #[test]
+    fn the_default_step_is_allowed() {
+        let of = |kind: usize, strength: f64, power: f64| match kind {
+            0 => format!("viscous_n_s_per_m = {strength:e}"),
+            1 => format!("restitution = {:e}", 1.0 / (1.0 + strength)),
+            2 => format!("kuwabara_kono_s = {strength:e}"),
+            _ => format!("power = {{ coefficient = {strength:e}, exponent = {power} }}"),
+        };
+        for (kind, tens) in (0..4).flat_map(|kind| (-8..3).map(move |tens| (kind, tens))) {
+            for (duration_s, load_n, alpha) in
+                [(1e-2, 0.0, 1.5), (3e-7, 0.0, 1.5), (1e-4, 5.0, 3.0), (1e-4, 0.0, 7.0)]
+            {
+                let text = format!(
+                    "chain = {{ beads = 5, bead_mass_kg = 1e-3, alpha = {alpha}, stiffness = 1e7 }}\n\
+                     striker = {{ bead = 0, velocity_m_s = 5.0 }}\nload.precompression_n = {load_n}\n\
+                     time.duration_s = {duration_s}\ndamping.{}\n",
+                    of(kind, 10.0_f64.powi(tens), alpha)
+                );
+                let physics = Physics::resolve(&RunConfig::from_toml(&text).expect("TOML")).expect("valid");
+                physics.check_dt(physics.dt_s).unwrap_or_else(|why| panic!("{text}: {why}"));
+            }
+        }
     }
 
     /// A duration of 2.4 longest steps takes three steps: two would be too long.

@@ -13,7 +13,6 @@ use object_store::client::{
 use object_store::{ClientOptions, HeaderMap};
 use reqwest::header::{CONTENT_LENGTH, CONTENT_RANGE, HeaderName, LOCATION, RANGE};
 use reqwest::{Method, StatusCode, Url};
-use std::env;
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -169,9 +168,7 @@ async fn collected(body: HttpResponseBody, most: usize) -> Result<(Vec<u8>, bool
 
 /// Secrets that an answer may hold: those of the environment, and of the headers of its request.
 fn secrets_of(headers: &HeaderMap) -> Secrets {
-    let known = env::vars_os()
-        .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
-    let mut secrets = Secrets::of_environment(known);
+    let mut secrets = Secrets::of_environment();
     for name in SECRET_HEADERS {
         headers
             .get_all(name)

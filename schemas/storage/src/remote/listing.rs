@@ -1,7 +1,7 @@
 //! The objects of a store, page by page, within bounds.
 
 use super::client::Skips;
-use super::store::{self, Directory, Pages};
+use super::store::{self, Directory, Store};
 use super::wait;
 use crate::{Listed, Listing, StorageError};
 use futures_util::TryStreamExt as _;
@@ -56,27 +56,20 @@ impl Directory {
     /// The page of the listing for `token`, or the first one, and the token of the next one.
     fn page(&self, token: Option<String>) -> Result<(Vec<ObjectMeta>, Option<String>), StorageError> {
         let prefix = self.prefix.clone();
-        match &self.pages {
-            Pages::Several(store) => {
-                let store = Arc::clone(store);
-                wait(async move {
-                    let prefix = prefix.map(|prefix| format!("{prefix}/"));
-                    let options =
-                        PaginatedListOptions { page_token: token, ..PaginatedListOptions::default() };
-                    let page =
-                        store.list_paginated(prefix.as_deref(), options).await.map_err(store::refused)?;
-                    Ok((page.result.objects, page.page_token))
-                })
-            }
-            Pages::One(store) => {
-                let store = Arc::clone(store);
-                wait(async move {
-                    let all: Vec<_> =
-                        store.list(prefix.as_ref()).try_collect().await.map_err(store::refused)?;
-                    Ok((all, None))
-                })
-            }
+        let Store { objects, pages } = &self.store;
+        if let Some(pages) = pages.clone() {
+            return wait(async move {
+                let prefix = prefix.map(|prefix| format!("{prefix}/"));
+                let options = PaginatedListOptions { page_token: token, ..PaginatedListOptions::default() };
+                let page = pages.list_paginated(prefix.as_deref(), options).await.map_err(store::refused)?;
+                Ok((page.result.objects, page.page_token))
+            });
         }
+        let objects = Arc::clone(objects);
+        wait(async move {
+            let all: Vec<_> = objects.list(prefix.as_ref()).try_collect().await.map_err(store::refused)?;
+            Ok((all, None))
+        })
     }
 
     /// Notes the objects that were left out of the last page.

@@ -2,10 +2,10 @@
 
 use super::client::{Connector, Skips};
 use crate::StorageError;
-use object_store::aws::{AmazonS3, AmazonS3Builder};
-use object_store::azure::{MicrosoftAzure, MicrosoftAzureBuilder};
-use object_store::gcp::{GoogleCloudStorage, GoogleCloudStorageBuilder};
-use object_store::http::{HttpBuilder, HttpStore};
+use object_store::aws::AmazonS3Builder;
+use object_store::azure::MicrosoftAzureBuilder;
+use object_store::gcp::GoogleCloudStorageBuilder;
+use object_store::http::HttpBuilder;
 use object_store::list::PaginatedListStore;
 use object_store::path::Path as ObjectPath;
 use object_store::{BackoffConfig, ClientConfigKey, Error, ObjectStore, RetryConfig};
@@ -38,7 +38,7 @@ pub(super) fn place_of_object(url: &Path) -> Result<(&str, ObjectPath), StorageE
 
 /// A place with objects.
 pub(crate) struct Directory {
-    pub(super) pages: Pages,
+    pub(super) store: Store,
     /// Prefix of their names.
     pub(crate) prefix: Option<ObjectPath>,
     /// Base of their URLs.
@@ -47,12 +47,18 @@ pub(crate) struct Directory {
     pub(super) skipped: Arc<Mutex<Skips>>,
 }
 
-/// The way in which a store lists its objects.
-pub(super) enum Pages {
-    /// Some at a time.
-    Several(Arc<dyn PaginatedListStore>),
-    /// All in one answer.
-    One(Arc<dyn ObjectStore>),
+/// A store of any kind.
+pub(super) struct Store {
+    pub(super) objects: Arc<dyn ObjectStore>,
+    /// Lists some objects at a time; absent if all are listed in one answer.
+    pub(super) pages: Option<Arc<dyn PaginatedListStore>>,
+}
+
+impl Store {
+    fn with_pages<S: ObjectStore + PaginatedListStore>(store: S) -> Self {
+        let store = Arc::new(store);
+        Self { objects: Arc::clone(&store) as _, pages: Some(store) }
+    }
 }
 
 /// The store of the URL `url`, and which of its objects are below that.
@@ -63,13 +69,8 @@ pub(crate) fn of_directory(url: &Path) -> Result<Directory, StorageError> {
     super::handle()?; // which chooses the cryptography
     let connector = Connector::default();
     let skipped = Arc::clone(&connector.skipped);
-    let pages = match build(base, connector).map_err(unusable)? {
-        Built::S3(store) => Pages::Several(store),
-        Built::Google(store) => Pages::Several(store),
-        Built::Azure(store) => Pages::Several(store),
-        Built::Web(store) => Pages::One(store),
-    };
-    Ok(Directory { pages, prefix, base: base.to_owned(), skipped })
+    let store = build(base, connector).map_err(unusable)?;
+    Ok(Directory { store, prefix, base: base.to_owned(), skipped })
 }
 
 /// `s3://BUCKET` and `KEY`.
@@ -100,12 +101,7 @@ fn of_base(base: &str) -> Result<Arc<dyn ObjectStore>, StorageError> {
         return Ok(Arc::clone(store));
     }
     super::handle()?; // which chooses the cryptography
-    let store: Arc<dyn ObjectStore> = match build(base, Connector::default()).map_err(unusable)? {
-        Built::S3(store) => store,
-        Built::Google(store) => store,
-        Built::Azure(store) => store,
-        Built::Web(store) => store,
-    };
+    let store = build(base, Connector::default()).map_err(unusable)?.objects;
     stores.insert(base.to_owned(), Arc::clone(&store));
     Ok(store)
 }
@@ -125,33 +121,25 @@ pub(super) fn retries() -> RetryConfig {
     }
 }
 
-/// A store of each kind.
-enum Built {
-    S3(Arc<AmazonS3>),
-    Google(Arc<GoogleCloudStorage>),
-    Azure(Arc<MicrosoftAzure>),
-    Web(Arc<HttpStore>),
-}
-
-fn build(base: &str, connector: Connector) -> object_store::Result<Built> {
+fn build(base: &str, connector: Connector) -> object_store::Result<Store> {
     let retry = retries();
     Ok(match base.split("://").next() {
         Some("s3") => {
             let s3 = AmazonS3Builder::from_env().with_url(base).with_http_connector(connector);
-            Built::S3(Arc::new(s3.with_retry(retry).build()?))
+            Store::with_pages(s3.with_retry(retry).build()?)
         }
         Some("gs") => {
             let gs = GoogleCloudStorageBuilder::from_env().with_url(base).with_http_connector(connector);
-            Built::Google(Arc::new(gs.with_retry(retry).build()?))
+            Store::with_pages(gs.with_retry(retry).build()?)
         }
         Some("az") => {
             let az = MicrosoftAzureBuilder::from_env().with_url(base).with_http_connector(connector);
-            Built::Azure(Arc::new(az.with_retry(retry).build()?))
+            Store::with_pages(az.with_retry(retry).build()?)
         }
         _ => {
             let http = HttpBuilder::new().with_url(base).with_config(ClientConfigKey::AllowHttp, "true");
             let http = http.with_http_connector(Connector { is_public: true, ..connector });
-            Built::Web(Arc::new(http.with_retry(retry).build()?))
+            Store { objects: Arc::new(http.with_retry(retry).build()?), pages: None }
         }
     })
 }

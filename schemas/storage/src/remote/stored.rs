@@ -141,10 +141,11 @@ impl Stored {
         if self.bytes != bytes.len() as u64 {
             return false;
         }
-        match &self.sha256 {
-            Some(sha256) => *sha256 == base64(&Sha256::digest(bytes)),
-            None => self.tag.trim_matches('"').eq_ignore_ascii_case(&hex(&Md5::digest(bytes))),
-        }
+        let Some(sha256) = &self.sha256 else {
+            let md5 = u128::from_be_bytes(Md5::digest(bytes).into());
+            return self.tag.trim_matches('"').eq_ignore_ascii_case(&format!("{md5:032x}"));
+        };
+        *sha256 == base64(&Sha256::digest(bytes))
     }
 
     /// The part as `object_store` names it when an upload is completed.
@@ -154,15 +155,6 @@ impl Stored {
         let tag = element("e_tag", &self.tag);
         PartId { content_id: format!("<PartMetadata>{tag}{sha256}</PartMetadata>") }
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write as _;
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // writing to a String cannot fail
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 fn base64(bytes: &[u8]) -> String {

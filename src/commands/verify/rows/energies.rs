@@ -16,6 +16,7 @@ const CORRECTED: usize = 9;
 const MOST_BEADS: u64 = 20_000;
 
 /// The analysis beside its rows.
+#[expect(clippy::struct_excessive_bools, reason = "each tells of the rows by itself")]
 pub(super) struct EnergyRows {
     split: u64,
     /// Analyses since the first frame there is, and since the first row.
@@ -28,8 +29,10 @@ pub(super) struct EnergyRows {
     inconsistent_from: Option<(u64, bool)>,
     /// True if a frame between two rows had none: the analysis may have missed it.
     has_gap: bool,
-    /// True if a column that depends on the split bead has differed, and one that does not.
-    differs: [bool; 2],
+    /// True if a column that depends on the split bead has differed.
+    differs_in_split: bool,
+    /// True if another column has.
+    differs_elsewhere: bool,
     /// The last frame with a row, once one has differed.
     last: Option<(ChainState, [f64; EnergyRow::COLUMNS.len()])>,
 }
@@ -49,7 +52,8 @@ impl EnergyRows {
             possible: [true; 3],
             inconsistent_from: None,
             has_gap: false,
-            differs: [false; 2],
+            differs_in_split: false,
+            differs_elsewhere: false,
             last: None,
         }
     }
@@ -88,9 +92,10 @@ impl EnergyRows {
         let mut columns = (0..computed.len()).filter(|column| *column != CORRECTED);
         let column = columns.find(|column| !is_same(computed[*column], found[*column]));
         if let Some(column) = column {
-            self.differs[usize::from(!OF_SPLIT.contains(&column))] = true;
+            self.differs_in_split |= OF_SPLIT.contains(&column);
+            self.differs_elsewhere |= !OF_SPLIT.contains(&column);
         }
-        if self.differs[0] {
+        if self.differs_in_split {
             self.last = Some((ChainState::of_frame(frame), *found));
         }
         let column = column?;
@@ -107,7 +112,7 @@ impl EnergyRows {
     /// Another bead that divides the last frame as its row has it, if rows differ as if there were one.
     pub(super) fn other_split(&self, manifest: &RunManifest) -> Option<u64> {
         let (state, found) = self.last.as_ref()?;
-        if self.differs[1] || manifest.physics.beads > MOST_BEADS {
+        if self.differs_elsewhere || manifest.physics.beads > MOST_BEADS {
             return None;
         }
         let frame = state.as_frame(manifest, manifest.frame_at(state.step));

@@ -8,7 +8,7 @@ use crate::read::contents::{Channel, Schema};
 use crate::read::decode::{self, StateLengths};
 use crate::read::records::{RECORD_HEAD_BYTES, RecordReader};
 use crate::read::salvage::{Candidate, Damage, DamageKind, describe, find, is_zero_from};
-use crate::read::summary::channels_of_summary;
+use crate::read::summary::SummarySection;
 use mcap::records::op;
 use std::ops::Range;
 use std::sync::Arc;
@@ -275,9 +275,9 @@ impl MessageReader {
         let Some(salvage) = &mut self.salvage else { return false };
         if !std::mem::replace(&mut salvage.asked_summary, true)
             && let Ok(mut records) = RecordReader::open(self.records.path())
-            && let Some(known) = channels_of_summary(&mut records)
+            && let Some(known) = SummarySection::read(&mut records)
         {
-            for (id, channel) in known {
+            for (id, channel) in known.contents.channels {
                 self.contents.channels.entry(id).or_insert(channel);
             }
         }
@@ -304,7 +304,7 @@ fn state_channel() -> Channel {
         schema: Arc::new(Schema {
             name: proto::STATE.message.to_owned(),
             encoding: encoding(),
-            text: (proto::STATE.descriptor)().into(),
+            text: proto::STATE.descriptor.into(),
         }),
     }
 }

@@ -23,7 +23,7 @@ impl Audit {
         if matches!(end.reason, EndReason::Stopped | EndReason::Unfinished) {
             wrong.push(format!("its end has the reason `{}`, with which no recording ends", end.reason));
         }
-        if self.loss_count() == 0 && self.last_step.is_some() {
+        if self.messages.loss_count() == 0 && self.last_step.is_some() {
             let ends = [("first", end.first_step, self.first_step), ("last", end.last_step, self.last_step)];
             for (which, said, found) in ends.into_iter().filter(|(_, said, found)| said != found) {
                 let text = |step: Option<u64>| step.map_or("none".to_owned(), |step| step.to_string());
@@ -51,7 +51,7 @@ impl Audit {
 
     /// Checks that the summary section describes the file correctly.
     pub(super) fn check_summary_section(&mut self) {
-        if self.loss_count() > 0 {
+        if self.messages.loss_count() > 0 {
             return;
         }
         let Ok(mut records) = RecordReader::open(self.messages.path()) else { return };
@@ -78,7 +78,7 @@ impl Audit {
         for what in wrong {
             self.messages.note_about_file(what);
         }
-        let is_whole = self.loss_count() == 0 && self.last_step.is_some();
+        let is_whole = self.messages.loss_count() == 0 && self.last_step.is_some();
         if is_whole && self.chain_count == 0 {
             self.messages.note_about_file("there is no message of `/chain`".to_owned());
         }
@@ -90,7 +90,7 @@ fn wrong_definition(channel: &Channel) -> Option<String> {
     let by_topic = proto::ALL.iter().take(proto::OF_FRAMES.len()).find(|known| known.topic == channel.topic);
     let by_name = || proto::ALL.iter().find(|known| known.message == channel.schema.name);
     let (message, descriptor) = match by_topic.or_else(by_name) {
-        Some(known) => (known.message, (known.descriptor)().to_vec()),
+        Some(known) => (known.message, known.descriptor.to_vec()),
         None if name_of_results(channel).is_some_and(|name| !name.is_own()) => {
             let rows = RowMessages::of_channel(channel);
             (channel.schema.name.as_str(), rows.map(|rows| rows.descriptor()).unwrap_or_default())

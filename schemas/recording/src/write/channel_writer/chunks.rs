@@ -1,26 +1,14 @@
 //! The chunks on their way from the run to the disk: the next action, and its time.
 
+use super::WriteOptions;
 use super::block::Block;
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
-
-/// Limits at which chunks are closed, and limits of waiting chunks.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rules {
-    /// Size of a chunk above which it is closed.
-    pub(super) chunk_bytes: u64,
-    /// Bytes that may wait to be written, beside the open chunk; one chunk always may.
-    pub(super) queue_bytes: u64,
-    /// Longest time that a chunk stays open.
-    pub(super) flush_period: Duration,
-    /// Longest time that recorded bytes stay unsynced.
-    pub(super) sync_period: Duration,
-}
+use std::time::Instant;
 
 /// The chunks that are not on the disk yet. It has no clock: callers pass the time.
 #[derive(Debug)]
 pub(super) struct Chunks {
-    rules: Rules,
+    options: WriteOptions,
     open: Block,
     closed: VecDeque<Block>,
     /// Chunks handed out but not written yet: their number, and their bytes.
@@ -47,9 +35,9 @@ pub(super) enum Due {
 }
 
 impl Chunks {
-    pub(super) fn new(rules: Rules) -> Self {
+    pub(super) fn new(options: WriteOptions) -> Self {
         Self {
-            rules,
+            options,
             open: Block::default(),
             closed: VecDeque::new(),
             in_work: (0, 0),
@@ -61,13 +49,13 @@ impl Chunks {
         }
     }
 
-    pub(super) fn rules(&self) -> &Rules {
-        &self.rules
+    pub(super) fn options(&self) -> &WriteOptions {
+        &self.options
     }
 
     /// The chunk that records go to; a full one is closed before.
     pub(super) fn open(&mut self) -> &mut Block {
-        if self.open.bytes() > self.rules.chunk_bytes {
+        if self.open.bytes() > self.options.chunk_bytes {
             self.close();
         }
         &mut self.open
@@ -104,7 +92,7 @@ impl Chunks {
 
     /// True if more bytes wait than may wait.
     pub(super) fn is_full(&self) -> bool {
-        self.waiting_count() > 1 && self.waiting_bytes() > self.rules.queue_bytes
+        self.waiting_count() > 1 && self.waiting_bytes() > self.options.queue_bytes
     }
 
     /// Bytes recorded and not yet in the file, before compression.
@@ -114,7 +102,7 @@ impl Chunks {
 
     /// The action that is due at the time `now`. The receiver of a chunk calls [`written`](Self::written) later.
     pub(super) fn next(&mut self, now: Instant) -> Due {
-        let Rules { flush_period, sync_period, .. } = self.rules;
+        let WriteOptions { flush_period, sync_period, .. } = self.options;
         let flush_at =
             self.open.opened().and_then(|opened| opened.checked_add(flush_period.min(sync_period)));
         if flush_at.is_some_and(|at| at <= now) {
@@ -161,15 +149,17 @@ impl Chunks {
 mod tests {
     use super::*;
     use mcap::records::MessageHeader;
+    use std::time::Duration;
 
     const MS: Duration = Duration::from_millis(1);
 
     fn chunks() -> Chunks {
-        Chunks::new(Rules {
+        Chunks::new(WriteOptions {
             chunk_bytes: 1000,
             queue_bytes: 3000,
             flush_period: 100 * MS,
             sync_period: 250 * MS,
+            ..WriteOptions::default()
         })
     }
 
@@ -215,7 +205,7 @@ mod tests {
         assert!(matches!(chunks.next(start + 250 * MS), Due::Sync));
         assert!(matches!(chunks.next(start + 250 * MS), Due::Nothing(None)));
         // one that is shorter than the flush period closes chunks, too
-        chunks.rules.sync_period = 10 * MS;
+        chunks.options.sync_period = 10 * MS;
         frame(&mut chunks, 10, start + 300 * MS);
         assert!(write(&mut chunks, start + 310 * MS).is_some());
         assert!(matches!(chunks.next(start + 310 * MS), Due::Sync));

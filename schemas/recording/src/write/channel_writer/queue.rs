@@ -77,7 +77,7 @@ impl Queue {
         if closed || !was_open {
             self.work.notify_one();
         }
-        let at_once = state.chunks.rules().flush_period.is_zero();
+        let at_once = state.chunks.options().flush_period.is_zero();
         drop(state);
         if at_once { self.flush() } else { Ok(()) }
     }

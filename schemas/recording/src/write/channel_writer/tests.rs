@@ -37,7 +37,8 @@ fn messages() -> impl Iterator<Item = (u16, u64, f64, Vec<u8>)> {
 
 fn write_ours(path: &Path, manifest: &RunManifest, compression: Compression) -> Finished {
     let mut writer =
-        ChannelWriter::create(path, manifest, None, Some("a = 1"), &options(compression)).expect("created");
+        ChannelWriter::create(crate::PROFILE, path, manifest, None, Some("a = 1"), &options(compression))
+            .expect("created");
     let ids =
         [proto::STATE, proto::SUMMARY, proto::CHAIN].map(|topic| writer.add_channel(topic).expect("new"));
     assert_eq!(writer.add_channel(proto::STATE).expect("known").0, ids[0].0);
@@ -67,7 +68,7 @@ fn write_theirs(manifest: &RunManifest, compression: Option<mcap::Compression>) 
     };
     writer.attach(&attachment).expect("written");
     for topic in [proto::STATE, proto::SUMMARY, proto::CHAIN] {
-        let schema = writer.add_schema(topic.message, "protobuf", (topic.descriptor)()).expect("new");
+        let schema = writer.add_schema(topic.message, "protobuf", topic.descriptor).expect("new");
         writer.add_channel(schema, topic.topic, "protobuf", &BTreeMap::new()).expect("new");
     }
     for (channel, frame, time_s, contents) in messages() {
@@ -99,8 +100,9 @@ fn a_file_may_end_between_its_definitions() {
     let directory = tempfile::tempdir().expect("directory");
     let (path, cut) = ["test.mcap.partial", "cut.mcap"].map(|name| directory.path().join(name)).into();
     let options = options(Compression::None);
+    let whole = path.with_extension("");
     let mut writer =
-        ChannelWriter::create(&path.with_extension(""), &manifest(), None, None, &options).expect("new");
+        ChannelWriter::create(crate::PROFILE, &whole, &manifest(), None, None, &options).expect("new");
     for topic in [proto::CHAIN, proto::STATE, proto::SUMMARY] {
         writer.add_channel(topic).expect("new");
         writer.flush().expect("flushed");
