@@ -148,8 +148,8 @@ pub(crate) struct ThinArgs {
     beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
     beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
     `expand` proves every state of the recording on the way, and other channels stay whole. K is a multiple of the \
-    steps between two frames of the run, or divides them. States between frames then have no frame number, and \
-    readers of frames skip them.")]
+    steps between two frames of the run, or divides them, and those between two states of the recording. States \
+    between frames then have no frame number, and readers of frames skip them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,

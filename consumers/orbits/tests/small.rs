@@ -177,8 +177,6 @@ fn period_with(beads: u32, bonds: &str, ends: &str, amplitude: f64) -> f64 {
     find(&toml).period_s()
 }
 
-/// Among beads that the seed displaces equally, some the other way, the amplitude is that of one on its side. With the other sign Newton's method
-/// came to orbits of no time, or of several periods.
 /// A seed that is far larger than the orbit would need shorter steps: those of the orbit count.
 #[test]
 fn steps_are_those_that_the_orbit_may_have() {
@@ -195,6 +193,8 @@ fn steps_are_those_that_the_orbit_may_have() {
     assert!(refused.contains("orbit.steps: found 20, of "), "{refused}");
 }
 
+/// Among beads that the seed displaces equally, some the other way, the amplitude is that of one on its side. With the other sign Newton's method
+/// came to orbits of no time, or of several periods.
 #[test]
 fn an_amplitude_of_either_sign_has_the_same_orbit() {
     let toda = "toda = { stiffness = 1.0, steepness_per_m = 1.5 }";
