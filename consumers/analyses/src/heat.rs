@@ -2,7 +2,6 @@
 
 mod green_kubo;
 
-use crate::modes::with_resonators;
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Remake, Report, Setting,
     TableFlag, Takes,
@@ -14,7 +13,7 @@ use figure::{Axis, Curve, Figure, FigureError, Panel};
 use green_kubo::{GreenKubo, Point, panel};
 use schemas::amounts::{quantity, unit};
 use schemas::chain::Chain;
-use schemas::drive::{Place, Quantity};
+use schemas::drive::Place;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -30,9 +29,7 @@ pub static OFFER: Offer = Offer {
         beadline heat live:hot --figure heat.svg             while the run goes on\n\n\
         The current from bead i to bead i + 1 is J = ½·F·(v_i + v_(i+1)) with the force F of their contact beyond that at rest: the power that \
         moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
-        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. Where nothing \
-        takes momentum (free ends or a ring, no drives, springs at sites, drag, or baths but those of pairs) velocities are those about the centre of mass, and <m·v²> is divided by 1 − m/M, \
-        with the mass M of the chain. Beads that a drive moves have no temperature. The conductivity is κ = J·N/ΔT between \
+        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between \
         two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
         errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. The temperature remembers longer: between two \
         baths its error may be a quarter too small, and runs with other seeds tell. \
@@ -63,7 +60,7 @@ pub static OFFER: Offer = Offer {
             "mean_current_w",
             "current, averaged over the contacts that do not lie within a bath, nor beyond two that drive it",
         ),
-        Meaning::number("kinetic_temperature_j", "temperature m·v², averaged over the beads"),
+        Meaning::number("kinetic_temperature_j", "m·v², averaged over the beads"),
     ],
     summary: &[
         Meaning::number("current_w", "current along the chain"),
@@ -96,10 +93,6 @@ struct Heat {
     chain: Chain,
     /// Contacts between beads, in a ring with the last one to bead 0.
     contacts: usize,
-    /// Masses (kg) of all beads and resonators, if nothing outside of the chain takes momentum; else none.
-    loose_kg: Vec<f64>,
-    /// Mass (kg) of each bead, over the part of the temperature that its m·v² is about the centre of mass of those; 0 if a drive moves it.
-    thermal_kg: Vec<f64>,
     /// Those that do not lie within a bath; where two baths drive a current, between them. All if there are none.
     inner: Vec<usize>,
     /// True if there is no equilibrium: energy comes from elsewhere than baths of one temperature, or goes elsewhere.
@@ -158,27 +151,9 @@ impl Heat {
         let inner = if inner.is_empty() { (0..contacts).collect() } else { inner };
         // beads between two contacts of the current
         let on_the_way = if chain.is_ring { 0..beads } else { inner[0] + 1..inner[inner.len() - 1] + 1 };
-        let (drives, sites) = (&manifest.physics.drives, &chain.sites);
-        let acts = |values: &[f64]| values.iter().any(|value| *value != 0.0);
-        let has_drag = acts(&sites.drag_n_s_per_m);
-        let is_lossy = chain.damping.is_some() || has_drag;
+        let (drives, is_lossy) =
+            (&manifest.physics.drives, chain.damping.is_some() || manifest.physics.has_drag());
         let is_driven_at = |bead: usize| drives.iter().any(|drive| drive.at == Place::Bead(bead as u64));
-        let is_held = has_drag
-            || !drives.is_empty()
-            || baths.iter().any(|bath| !bath.pairs)
-            || !chain.is_ring && (0..2).any(|side| chain.wall(side).is_there)
-            || acts(&sites.linear_n_per_m)
-            || acts(&sites.cubic_n_per_m3);
-        let resonators_kg = sites.resonator_kg.iter().filter(|mass_kg| **mass_kg > 0.0);
-        let loose_kg: Vec<f64> =
-            if is_held { Vec::new() } else { chain.mass_kg.iter().chain(resonators_kg).copied().collect() };
-        let all_kg: f64 = if is_held { f64::INFINITY } else { loose_kg.iter().sum() };
-        let mut thermal_kg: Vec<f64> = chain.mass_kg.iter().map(|kg| kg / (1.0 - kg / all_kg)).collect();
-        for drive in drives.iter().filter(|drive| drive.prescribes != Quantity::Force) {
-            if let Place::Bead(bead) = drive.at {
-                (0..).zip(&mut thermal_kg).filter(|(i, _)| *i == bead).for_each(|(_, kg)| *kg = 0.0);
-            }
-        }
         let is_open = is_lossy || on_the_way.into_iter().any(is_driven_at);
         let why = "drives, damping or drag give or take energy on the way, and currents differ";
         let no_current = no_current.or_else(|| is_open.then_some(why));
@@ -193,8 +168,6 @@ impl Heat {
         Ok(Self {
             conductivity_per_j,
             inner,
-            loose_kg,
-            thermal_kg,
             is_driven: is_heated || is_lossy || !drives.is_empty() || temperatures.contains(&Some(0.0)),
             no_current,
             green_kubo: GreenKubo::new(lag_s, manifest.physics.dt_s, last_step),
@@ -209,19 +182,11 @@ impl Heat {
         })
     }
 
-    /// The velocity (m/s) of the centre of mass, where no momentum is taken; else 0.
-    fn drift_m_s(&self, frame: &Frame<'_>) -> f64 {
-        let [_, v_m_s] = with_resonators(&self.chain, frame);
-        let parts = self.loose_kg.iter().zip(v_m_s.iter());
-        let (all_kg, momentum) = parts.fold((0.0, 0.0), |(all, sum), (kg, v)| (all + kg, sum + kg * v));
-        if all_kg > 0.0 { momentum / all_kg } else { 0.0 }
-    }
-
-    /// The current (W) through contact `c` between two beads, in a chain that drifts at `drift_m_s`.
-    fn current_w(&self, c: usize, frame: &Frame<'_>, drift_m_s: f64) -> f64 {
+    /// The current (W) through contact `c` between two beads.
+    fn current_w(&self, c: usize, frame: &Frame<'_>) -> f64 {
         let rest_n = self.chain.rest_force_n.get(c).copied().unwrap_or(self.chain.walls.left.rest_force_n);
         let force_n = self.chain.whole_force_n(frame.state(), frame.time_s, c) - rest_n;
-        force_n * (0.5 * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()]) - drift_m_s)
+        0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()])
     }
 
     /// The conductivity over the lag from fluctuations, and the current's autocorrelation; none out of equilibrium.
@@ -272,7 +237,7 @@ impl Heat {
     }
 
     fn temperature(&self, bead: usize) -> Estimate {
-        if self.thermal_kg[bead] > 0.0 { self.places.estimate(bead) } else { NONE }
+        self.places.estimate(bead)
     }
 
     fn current(&self, contact: usize) -> Estimate {
@@ -298,15 +263,12 @@ impl Analysis for Heat {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let beads = self.chain.bead_count();
-        let drift_m_s = self.drift_m_s(frame);
-        let temperatures =
-            self.thermal_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v - drift_m_s).powi(2));
-        let currents = (0..self.contacts).map(|c| self.current_w(c, frame, drift_m_s));
+        let temperatures = self.chain.mass_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v * v));
+        let currents = (0..self.contacts).map(|c| self.current_w(c, frame));
         let all: Vec<f64> = temperatures.chain(currents).collect();
         let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
         let flowing_w = self.inner.iter().fold(0.0, |sum, c| sum + all[beads + c]);
-        let warm = self.thermal_kg.iter().filter(|mass_kg| **mass_kg > 0.0).count();
-        let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / warm as f64];
+        let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / beads as f64];
         self.green_kubo.push(frame.step, flowing_w);
         self.places.push(all);
         self.rows.push(row);
@@ -445,7 +407,7 @@ mod tests {
                 let frame = state.as_frame(&manifest, 0);
                 let energies_j = bead_energies_j(&heat.chain, &frame);
                 let left_j = |c: usize| energies_j[..=c].iter().sum::<f64>();
-                (0..9).map(|c| [left_j(c), heat.current_w(c, &frame, 0.0)]).collect::<Vec<_>>()
+                (0..9).map(|c| [left_j(c), heat.current_w(c, &frame)]).collect::<Vec<_>>()
             };
             let (mut before, mut worst, mut largest) = (look(&state), 0.0_f64, 0.0_f64);
             for _ in 0..4_000 {
@@ -548,7 +510,7 @@ mod tests {
         for _ in 0..2_000 {
             integrator.step(&mut state);
             let frame = state.as_frame(&manifest, 0);
-            let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame, 0.0)).sum();
+            let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame)).sum();
             assert!((current_w.abs() - energy_j * (0.5 * q).cos()).abs() < 1e-4 * energy_j, "{current_w}");
         }
     }

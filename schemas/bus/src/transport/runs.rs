@@ -109,7 +109,7 @@ pub(super) fn results_of(bus: &Bus, run: &RunName) -> Result<Vec<ResultsName>, B
     in_services(bus, |name| name.strip_prefix(run.as_str())?.strip_prefix('/')?.parse().ok())
 }
 
-/// What `find` finds in the names of all services, without `beadline/`: in order, each once.
+/// Everything that `find` finds in the names of all services, without `beadline/`: in order, each once.
 fn in_services<T: Ord>(bus: &Bus, find: impl Fn(&str) -> Option<T>) -> Result<Vec<T>, BusError> {
     bus.clear_half_made();
     let mut found = Vec::new();

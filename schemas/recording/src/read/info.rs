@@ -100,7 +100,7 @@ impl RecordingInfo {
         })
     }
 
-    /// What the `head` of a file says, which `records` have read.
+    /// The information in the `head` of a file, which `records` have read.
     fn of_head(records: &RecordReader, head: Contents, manifest: RunManifest) -> Self {
         Self {
             path: records.path().to_owned(),
