@@ -11,7 +11,6 @@ use producer::sweep::{ParameterValue, SweepError};
 use pyo3::IntoPyObjectExt as _;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use std::fs::read_to_string;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -80,7 +79,7 @@ impl Sweep {
             let read = producer::sweep::Sweep::from_toml(
                 &text,
                 &path,
-                |path| read_to_string(path),
+                schemas::text::read,
                 experiments::HOOKS,
             );
             Ok(Self { sweep: read? })

@@ -32,12 +32,12 @@ use std::time::{Duration, Instant};
 /// The run that the demo shows.
 const PRESET: &str = "light-impurity";
 
-/// End of the name of the recording of this run.
-const RECORDING: &str = ".mcap";
+/// The recording of this run.
+const RECORDING: &str = "light-impurity.mcap";
 /// Every [`SPARSE_EVERY_STEPS`]-th state of the recording, from which the others can be recomputed.
-const SPARSE: &str = "-sparse.mcap";
+const SPARSE: &str = "light-impurity-sparse.mcap";
 /// The page that holds every step.
-const PAGE: &str = ".html";
+const PAGE: &str = "light-impurity.html";
 /// Independent numbers for the leading pulses: direction, order, `v_peak_m_s`, `speed_beads_per_s`.
 const REFERENCE: &str = include_str!("../../tests/reference/light-impurity-pulses.csv");
 /// The beads at which these were taken.
@@ -85,16 +85,16 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<Done, Failure> {
     processes.watch(&name, step_count()?, &stop)?;
     let [run, consumers @ ..] = processes.finish()?;
     let passages = look_at_recording(args)?;
-    let sparse = thin_quietly(&file(dir, RECORDING), &file(dir, SPARSE), SPARSE_EVERY_STEPS, args.force)?;
+    let sparse = thin_quietly(&dir.join(RECORDING), &dir.join(SPARSE), SPARSE_EVERY_STEPS, args.force)?;
 
     let sharing = Sharing { force: args.force, ..Sharing::default() };
-    share_recording(&file(dir, RECORDING), &file(dir, PAGE), &sharing, &stop)?;
+    share_recording(&dir.join(RECORDING), &dir.join(PAGE), &sharing, &stop)?;
 
     let mut text = summary(&run, &consumers);
     text.push_str(&sizes(dir, &sparse)?);
     text.push_str(&pulses_table(&passages));
     text.push_str(&files_table(dir)?);
-    let (page, recording) = (file(dir, PAGE), file(dir, RECORDING));
+    let (page, recording) = (dir.join(PAGE), dir.join(RECORDING));
     let _ = writeln!(
         text,
         "\nto look at every step of it, without a network and without Beadline: open {}",
@@ -126,15 +126,10 @@ fn outputs(dir: &Path) -> impl Iterator<Item = PathBuf> {
     of_consumers.chain(PROFILES).map(|file| dir.join(file))
 }
 
-/// The file of the run whose name ends in `end`.
-fn file(dir: &Path, end: &str) -> PathBuf {
-    dir.join(format!("{PRESET}{end}"))
-}
-
 /// Refuses to start when earlier results are in the way.
 fn check_free(dir: &Path, force: bool) -> Result<(), Failure> {
-    let partial = file(dir, RECORDING).with_extension("mcap.partial");
-    let others = [file(dir, RECORDING), partial, file(dir, SPARSE), file(dir, PAGE)];
+    let partial = dir.join(RECORDING).with_extension("mcap.partial");
+    let others = [dir.join(RECORDING), partial, dir.join(SPARSE), dir.join(PAGE)];
     let taken = outputs(dir).chain(others).find(|path| path.exists());
     match taken {
         Some(path) if !force => {
@@ -161,7 +156,7 @@ impl Processes {
             Ok(())
         };
         let run = ["run", "--preset", PRESET, "--name", name.as_str(), "--wait-for", "3", "--out"];
-        start("run", run.map(OsString::from).into_iter().chain([file(dir, RECORDING).into()]).collect())?;
+        start("run", run.map(OsString::from).into_iter().chain([dir.join(RECORDING).into()]).collect())?;
         for (role, outputs) in CONSUMERS {
             let mut words = [role, &format!("live:{name}"), "--timeout", "60"].map(OsString::from).to_vec();
             words.extend(outputs.iter().flat_map(|(flag, file)| [flag.into(), dir.join(file).into()]));
@@ -249,7 +244,7 @@ impl FrameObserver for Look {
 /// Reads the recording from beginning to end: draws its last frame, finds its pulses.
 fn look_at_recording(args: &DemoArgs) -> Result<Vec<Passage>, Failure> {
     let dir = &args.out;
-    let mut source = RecordingSource::open(&file(dir, RECORDING))?;
+    let mut source = RecordingSource::open(&dir.join(RECORDING))?;
     let manifest = source.manifest().clone();
     let mut look =
         Look { probes: Probes::new(&manifest, &[BACKWARD_PROBE, FORWARD_PROBE]), last: HeldFrame::default() };
@@ -291,7 +286,7 @@ fn summary(run: &Value, consumers: &[Value; 3]) -> String {
 
 /// The recording and the thinned one, which holds the same steps.
 fn sizes(dir: &Path, sparse: &Finished) -> Result<String, Failure> {
-    let path = file(dir, RECORDING);
+    let path = dir.join(RECORDING);
     let full = fs::metadata(&path).with_context(|| format!("{} cannot be read", path.display()))?.len();
     let ratio = full as f64 / sparse.bytes as f64;
     let mut rows = Rows::default();
@@ -328,7 +323,7 @@ fn pulses_table(passages: &[Passage]) -> String {
 /// The files that the demo left, with their sizes.
 fn files_table(dir: &Path) -> Result<String, Failure> {
     let mut text = String::from("\nfiles\n");
-    for path in [file(dir, RECORDING), file(dir, SPARSE), file(dir, PAGE)].into_iter().chain(outputs(dir)) {
+    for path in [dir.join(RECORDING), dir.join(SPARSE), dir.join(PAGE)].into_iter().chain(outputs(dir)) {
         let size = fs::metadata(&path).with_context(|| format!("{} is missing", path.display()))?.len();
         let _ = writeln!(text, "  {:>10}  {}", bytes(size).to_string(), path.display());
     }

@@ -58,8 +58,9 @@ pub(crate) fn orbit(args: &OrbitArgs) -> Result<Done, Failure> {
         return Err(bad_input!("an orbit needs ORBIT.toml and --out DIR; see --help"));
     };
     check_figures(&[out.join("figure.png")], args.look)?;
-    let text =
-        fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display())).bad_input()?;
+    let text = schemas::text::read(path)
+        .with_context(|| format!("{} cannot be read", path.display()))
+        .bad_input()?;
     let file = File::read(path, &text, experiments::prepared).bad_input()?;
     let place = Place { out, text: &text, args };
     place.check()?;

@@ -2,13 +2,11 @@
 
 use crate::log::{Kind, SharedLog, lock};
 use crate::message::{MOST_ROW_BYTES, MOST_TOPICS, RowsHead, RowsMessage};
-use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, StreamId};
+use bus::{Bus, Delivery, Looking, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, StreamId};
 use schemas::frame::EndReason;
 use schemas::results::{RowValues, Topic};
 use schemas::run_name::RunName;
-use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -61,11 +59,8 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
             return Ok(());
         }
         let watch = Arc::new(ResultsWatch::create(bus, run)?);
-        let (others, mut known, (looking, looked)) = (self.another(), Vec::new(), channel());
-        others.look(&watch, &mut known, Some(&looking));
-        drop(looking);
-        // nothing is sent; each thread gives its end up when it has looked for a publisher
-        let _ = looked.recv();
+        let (others, mut known) = (self.another(), Vec::new());
+        Looking::awaited(|looking| others.look(&watch, &mut known, Some(looking)));
         started.push(thread::spawn(move || others.look_out(&watch, known)));
         Ok(())
     }
@@ -105,7 +100,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    fn look(&self, watch: &Arc<ResultsWatch>, known: &mut Vec<Topic>, looking: Option<&Sender<Infallible>>) {
+    fn look(&self, watch: &Arc<ResultsWatch>, known: &mut Vec<Topic>, looking: Option<&Looking>) {
         for topic in watch.topics().unwrap_or_default() {
             if known.contains(&topic) {
                 continue;
@@ -121,12 +116,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         }
     }
 
-    fn spawn(
-        &self,
-        watch: &Arc<ResultsWatch>,
-        topic: Topic,
-        looking: Option<Sender<Infallible>>,
-    ) -> JoinHandle<()> {
+    fn spawn(&self, watch: &Arc<ResultsWatch>, topic: Topic, looking: Option<Looking>) -> JoinHandle<()> {
         let (it, watch) = (self.another(), Arc::clone(watch));
         thread::spawn(move || {
             if let Err(error) = it.send(&watch, topic, looking) {
@@ -140,7 +130,7 @@ impl<P: Clone + From<Vec<u8>> + Send + 'static> RowSenders<P> {
         &self,
         watch: &ResultsWatch,
         topic: Topic,
-        mut looking: Option<Sender<Infallible>>,
+        mut looking: Option<Looking>,
     ) -> Result<(), ResultsError> {
         let mut over_since = None;
         loop {

@@ -16,6 +16,7 @@
 compile_error!("live streams need a Unix system; build with --no-default-features, without them");
 
 mod errors;
+mod looking;
 #[cfg_attr(not(feature = "live"), path = "absent.rs")]
 mod transport;
 mod values;
@@ -23,6 +24,7 @@ mod values;
 pub use errors::{
     AttachError, BusError, LiveError, PublishError, ResultsError, RoomError, RootError, SharedSegmentError,
 };
+pub use looking::Looking;
 pub use transport::{
     Bus, BusNotice, HeldState, LiveSource, ResultPublisher, ResultSubscriber, ResultsWatch, StatePublisher,
     list_runs, while_waiting,

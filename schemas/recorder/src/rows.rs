@@ -1,15 +1,15 @@
 //! Records the results that analyses publish, each topic in a thread of its own.
 
 use super::{Recorder, RowFate};
-use bus::{Bus, Delivery, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, Row, StreamId};
+use bus::{
+    Bus, Delivery, Looking, ResultReceived, ResultSubscriber, ResultsError, ResultsWatch, Row, StreamId,
+};
 use recording::RowMessages;
 use schemas::frame::EndReason;
 use schemas::results::{KeptValues, ResultColumns, ResultRow, Topic};
 use schemas::run_name::RunName;
 use std::collections::VecDeque;
-use std::convert::Infallible;
 use std::io;
-use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -89,11 +89,7 @@ impl RowThreads {
         started.run = Some(run.clone());
         let begun = ResultsWatch::create(bus, run).map_err(|error| error.to_string()).and_then(|watch| {
             let mut lookout = Lookout::new(watch, recorder);
-            let (looking, looked) = channel();
-            lookout.look(Some(&looking));
-            drop(looking);
-            // nothing is sent; each thread gives its end up when it has looked for a publisher
-            let _ = looked.recv();
+            Looking::awaited(|looking| lookout.look(Some(looking)));
             thread::Builder::new().spawn(move || lookout.look_out()).map_err(|error| no_thread(&error))
         });
         match begun {
@@ -153,7 +149,7 @@ impl Lookout {
     }
 
     /// Starts a thread for each topic that has none.
-    fn look(&mut self, looking: Option<&Sender<Infallible>>) {
+    fn look(&mut self, looking: Option<&Looking>) {
         let topics = self.watch.topics().map_err(|error| error.to_string());
         let started = topics.and_then(|topics| {
             for topic in topics {
@@ -212,7 +208,7 @@ impl<'a> TopicRows<'a> {
 
     /// Records rows until the frames are over and no more rows come. Gives `looking` up once it has subscribed to a
     /// publisher that was there before.
-    fn record(mut self, looking: Option<Sender<Infallible>>) -> RowTally {
+    fn record(mut self, looking: Option<Looking>) -> RowTally {
         self.tally.trouble = self.follow(looking).err();
         if self.tally.trouble.is_some() {
             self.stand_by();
@@ -238,7 +234,7 @@ impl<'a> TopicRows<'a> {
         }
     }
 
-    fn follow(&mut self, mut looking: Option<Sender<Infallible>>) -> Result<(), String> {
+    fn follow(&mut self, mut looking: Option<Looking>) -> Result<(), String> {
         let say = |error: ResultsError| error.to_string();
         let mut subscriber: Option<ResultSubscriber> = None;
         while !self.is_over(subscriber.is_some())? {

@@ -6,9 +6,9 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 14_860),
+    ("the command", 14_855),
     ("schemas", 9_510),
-    ("schemas/bus", 4_575),
+    ("schemas/bus", 4_590),
     ("schemas/recording", 6_760),
     ("schemas/storage", 2_215),
     ("schemas/system", 160),
@@ -26,7 +26,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("consumers/screen", 700),
     ("consumers/waves", 1_575),
     ("page", 1_250),
-    ("relay", 2_510),
+    ("relay", 2_500),
     ("python", 2_290),
     ("tests/bench", 2_370),
 ];
