@@ -76,12 +76,8 @@ impl Sweep {
     fn from_toml(py: Python<'_>, text: String, path: PathBuf) -> PyResult<Self> {
         // what checks thousands of points does not stop, and holds nothing
         abandonable(py, move || {
-            let read = producer::sweep::Sweep::from_toml(
-                &text,
-                &path,
-                schemas::text::read,
-                experiments::HOOKS,
-            );
+            let read =
+                producer::sweep::Sweep::from_toml(&text, &path, schemas::text::read, experiments::HOOKS);
             Ok(Self { sweep: read? })
         })
     }
