@@ -190,6 +190,41 @@ fn a_swept_axis_is_logarithmic_where_its_values_are() {
     assert_eq!(log("--heat total_j --log x,y"), json!(["x", "y"]));
 }
 
+/// Keys of cases have few values, and none in the other cases.
+#[test]
+fn a_map_has_the_axes_with_most_values() {
+    let place = Place::new();
+    let mut csv = "index,damping.restitution,chain.beads,striker.velocity_m_s,end,total_j\n".to_owned();
+    for (i, (case, beads, v)) in
+        ["", "0.9"].iter().flat_map(|c| (0..15).map(move |i| (c, 20 + i / 5, 1 + i % 5))).enumerate()
+    {
+        let _ = writeln!(csv, "{i},{case},{beads},{v},complete,{}", beads * v);
+    }
+    place.write("r.csv", &csv);
+    let map = plot(&place, "r.csv --heat total_j --out h.svg");
+    assert_eq!((&map["x"], &map["y"]), (&json!("chain.beads"), &json!(["striker.velocity_m_s"])));
+    place.write("none.csv", "index,a,b,end,y\n0,,1,complete,1\n1,2,,complete,2\n");
+    place.run("plot none.csv --heat y --x a --y b").exits(2).says(&["y has no numbers over a and b"]);
+}
+
+/// Times of runs with steps of their own are no repetitions of each other.
+#[test]
+fn a_law_through_rows_of_several_parameters_says_so() {
+    let place = Place::new();
+    let mut csv = "index,v,disorder[0].uniform,time_s,m\n".to_owned();
+    for (i, (v, uniform, t)) in
+        (1..4).flat_map(|v| (1..4).flat_map(move |u| (1..6).map(move |t| (v, u, t)))).enumerate()
+    {
+        let time_s = f64::from(t) + 0.01 * f64::from(v) + 0.001 * f64::from(uniform);
+        let _ = writeln!(csv, "{i},{v},{uniform},{time_s},{}", time_s * f64::from(uniform));
+    }
+    place.write("series.csv", &csv);
+    let ended = place.run("plot series.csv --x time_s --y m --by v --fit --out f.svg").exits(0);
+    ended.says(&["differ in disorder[0].uniform too"]);
+    let told = plot(&place, "series.csv --x time_s --y m --by v --fit --out f.svg");
+    assert_eq!(told["averaged_over"], json!(["disorder[0].uniform"]));
+}
+
 #[test]
 fn samples_are_points_and_words_are_no_axis() {
     let place = Place::new();

@@ -13,7 +13,7 @@ use figure::{Axis, Curve, Figure, FigureError, Panel};
 use green_kubo::{GreenKubo, Point, panel};
 use schemas::amounts::{quantity, unit};
 use schemas::chain::Chain;
-use schemas::drive::Place;
+use schemas::drive::{Place, Quantity};
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use serde_json::json;
@@ -29,7 +29,9 @@ pub static OFFER: Offer = Offer {
         beadline heat live:hot --figure heat.svg             while the run goes on\n\n\
         The current from bead i to bead i + 1 is J = ½·F·(v_i + v_(i+1)) with the force F of their contact beyond that at rest: the power that \
         moves energy across, if each bead has half of the energy of its contacts (S. Lepri, R. Livi and A. Politi, Phys. Rep. 377 (2003) 1, \
-        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. The conductivity is κ = J·N/ΔT between \
+        doi:10.1016/S0370-1573(02)00558-6). The temperature of a bead is <m·v²>, as k_B·T in joule. Where nothing \
+        takes momentum (free ends or a ring, without drives, springs at sites, drag, or baths but those of pairs) velocities are those about the centre of mass, and <m·v²> is divided by 1 − m/M, \
+        with the mass M of the chain. Beads that a drive moves have no temperature. The conductivity is κ = J·N/ΔT between \
         two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
         errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. The temperature remembers longer: between two \
         baths its error may be a quarter too small, and runs with other seeds tell. \
@@ -60,7 +62,7 @@ pub static OFFER: Offer = Offer {
             "mean_current_w",
             "current, averaged over the contacts that do not lie within a bath, nor beyond two that drive it",
         ),
-        Meaning::number("kinetic_temperature_j", "m·v², averaged over the beads"),
+        Meaning::number("kinetic_temperature_j", "temperature m·v², averaged over the beads"),
     ],
     summary: &[
         Meaning::number("current_w", "current along the chain"),
@@ -93,6 +95,10 @@ struct Heat {
     chain: Chain,
     /// Contacts between beads, in a ring with the last one to bead 0.
     contacts: usize,
+    /// Mass (kg) of the chain; infinite where something outside of it takes momentum.
+    loose_kg: f64,
+    /// Mass m (kg) of each bead over 1 − m/M, with the mass M above; 0 for beads that a drive moves.
+    thermal_kg: Vec<f64>,
     /// Those that do not lie within a bath; where two baths drive a current, between them. All if there are none.
     inner: Vec<usize>,
     /// True if there is no equilibrium: energy comes from elsewhere than baths of one temperature, or goes elsewhere.
@@ -151,8 +157,20 @@ impl Heat {
         let inner = if inner.is_empty() { (0..contacts).collect() } else { inner };
         // beads between two contacts of the current
         let on_the_way = if chain.is_ring { 0..beads } else { inner[0] + 1..inner[inner.len() - 1] + 1 };
-        let (drives, is_lossy) =
-            (&manifest.physics.drives, chain.damping.is_some() || manifest.physics.has_drag());
+        let (drives, sites) = (&manifest.physics.drives, &chain.sites);
+        let acts = |values: &Vec<f64>| values.iter().any(|value| *value != 0.0);
+        let is_lossy = chain.damping.is_some() || acts(&sites.drag_n_s_per_m);
+        let is_held = !drives.is_empty()
+            || baths.iter().any(|bath| !bath.pairs)
+            || (!chain.is_ring && (0..2).any(|side| chain.wall(side).is_there))
+            || [&sites.drag_n_s_per_m, &sites.linear_n_per_m, &sites.cubic_n_per_m3].into_iter().any(acts);
+        let whole_kg: f64 = chain.mass_kg.iter().chain(&sites.resonator_kg).sum();
+        let loose_kg = if is_held { f64::INFINITY } else { whole_kg };
+        let moves =
+            |at: Place| drives.iter().any(|drive| drive.at == at && drive.prescribes != Quantity::Force);
+        let thermal_kg = (0..).zip(&chain.mass_kg).map(|(bead, mass_kg)| {
+            if moves(Place::Bead(bead)) { 0.0 } else { mass_kg / (1.0 - mass_kg / loose_kg) }
+        });
         let is_driven_at = |bead: usize| drives.iter().any(|drive| drive.at == Place::Bead(bead as u64));
         let is_open = is_lossy || on_the_way.into_iter().any(is_driven_at);
         let why = "drives, damping or drag give or take energy on the way, and currents differ";
@@ -168,6 +186,8 @@ impl Heat {
         Ok(Self {
             conductivity_per_j,
             inner,
+            loose_kg,
+            thermal_kg: thermal_kg.collect(),
             is_driven: is_heated || is_lossy || !drives.is_empty() || temperatures.contains(&Some(0.0)),
             no_current,
             green_kubo: GreenKubo::new(lag_s, manifest.physics.dt_s, last_step),
@@ -182,11 +202,19 @@ impl Heat {
         })
     }
 
-    /// The current (W) through contact `c` between two beads.
-    fn current_w(&self, c: usize, frame: &Frame<'_>) -> f64 {
+    /// The velocity (m/s) of the centre of mass; 0 where something outside of the chain takes momentum.
+    fn drift_m_s(&self, frame: &Frame<'_>) -> f64 {
+        let [_, w_m_s] = self.chain.rows.resonators_of(frame.extra);
+        let masses = self.chain.mass_kg.iter().chain(&self.chain.sites.resonator_kg);
+        let parts = masses.zip(frame.v_m_s.iter().chain(w_m_s));
+        parts.fold(0.0, |sum, (mass_kg, v)| sum + mass_kg * v) / self.loose_kg
+    }
+
+    /// The current (W) through contact `c` between two beads, in a chain that drifts at `drift_m_s`.
+    fn current_w(&self, c: usize, frame: &Frame<'_>, drift_m_s: f64) -> f64 {
         let rest_n = self.chain.rest_force_n.get(c).copied().unwrap_or(self.chain.walls.left.rest_force_n);
         let force_n = self.chain.whole_force_n(frame.state(), frame.time_s, c) - rest_n;
-        0.5 * force_n * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()])
+        force_n * (0.5 * (frame.v_m_s[c] + frame.v_m_s[(c + 1) % self.chain.bead_count()]) - drift_m_s)
     }
 
     /// The conductivity over the lag from fluctuations, and the current's autocorrelation; none out of equilibrium.
@@ -237,7 +265,7 @@ impl Heat {
     }
 
     fn temperature(&self, bead: usize) -> Estimate {
-        self.places.estimate(bead)
+        if self.thermal_kg[bead] > 0.0 { self.places.estimate(bead) } else { NONE }
     }
 
     fn current(&self, contact: usize) -> Estimate {
@@ -263,12 +291,15 @@ impl Analysis for Heat {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let beads = self.chain.bead_count();
-        let temperatures = self.chain.mass_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v * v));
-        let currents = (0..self.contacts).map(|c| self.current_w(c, frame));
+        let drift_m_s = self.drift_m_s(frame);
+        let temperatures =
+            self.thermal_kg.iter().zip(frame.v_m_s).map(|(mass_kg, v)| mass_kg * (v - drift_m_s).powi(2));
+        let currents = (0..self.contacts).map(|c| self.current_w(c, frame, drift_m_s));
         let all: Vec<f64> = temperatures.chain(currents).collect();
         let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + x);
         let flowing_w = self.inner.iter().fold(0.0, |sum, c| sum + all[beads + c]);
-        let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / beads as f64];
+        let warm = self.thermal_kg.iter().filter(|mass_kg| **mass_kg > 0.0).count();
+        let row = [flowing_w / self.inner.len() as f64, sum(&all[..beads]) / warm as f64];
         self.green_kubo.push(frame.step, flowing_w);
         self.places.push(all);
         self.rows.push(row);
@@ -407,7 +438,7 @@ mod tests {
                 let frame = state.as_frame(&manifest, 0);
                 let energies_j = bead_energies_j(&heat.chain, &frame);
                 let left_j = |c: usize| energies_j[..=c].iter().sum::<f64>();
-                (0..9).map(|c| [left_j(c), heat.current_w(c, &frame)]).collect::<Vec<_>>()
+                (0..9).map(|c| [left_j(c), heat.current_w(c, &frame, 0.0)]).collect::<Vec<_>>()
             };
             let (mut before, mut worst, mut largest) = (look(&state), 0.0_f64, 0.0_f64);
             for _ in 0..4_000 {
@@ -510,9 +541,44 @@ mod tests {
         for _ in 0..2_000 {
             integrator.step(&mut state);
             let frame = state.as_frame(&manifest, 0);
-            let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame)).sum();
+            let current_w: f64 = (0..9).map(|c| heat.current_w(c, &frame, 0.0)).sum();
             assert!((current_w.abs() - energy_j * (0.5 * q).cos()).abs() < 1e-4 * energy_j, "{current_w}");
         }
+    }
+
+    /// Two beads that nothing holds have one temperature, p²·(1/m₁ + 1/m₂) with their momenta ±p about the centre of mass, however fast that moves.
+    #[test]
+    fn a_drift_is_no_heat() {
+        for drift_m_s in [0.0, 3.0] {
+            let manifest = manifest(&format!(
+                "[chain]\nbeads = 2\nbead_mass_kg = 1.0\nmasses = {{ list_kg = [1.0, 4.0] }}\nbonds = {{ linear = 1.0 }}\n\
+                 [on_site]\ndrag_n_s_per_m = 0.0\n[initial]\ndisplacements_m = [0.5, 0.0]\n\
+                 velocities_m_s = [{:?}, {:?}]\n[time]\nduration_s = 0.1\ndt_s = 0.1\n",
+                drift_m_s + 0.8,
+                drift_m_s - 0.2
+            ));
+            let mut heat = of_run(&manifest, &Settings::default(), |_| false);
+            let state = ChainState::initial(&manifest.physics);
+            heat.observe(&state.as_frame(&manifest, 0), &mut LastRow::default());
+            let found = [heat.temperature(0), heat.temperature(1), heat.current(0)].map(|found| found.mean);
+            for (found, exact) in found.into_iter().zip([0.8, 0.8, 0.15]) {
+                assert!((found - exact).abs() < 1e-14, "{drift_m_s}: {found} {exact}");
+            }
+            assert!(!heat.is_driven);
+        }
+    }
+
+    /// A bead that a drive moves has no temperature, and does not count in that of the chain.
+    #[test]
+    fn a_bead_that_is_moved_is_neither_hot_nor_cold() {
+        let manifest = manifest(
+            "[chain]\nbeads = 3\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[initial]\nvelocities_m_s = [0.0, 1.0, 2.0]\n\
+             [[drive]]\nbead = 0\nvelocity_m_s = 5.0\n[time]\nduration_s = 0.1\ndt_s = 0.1\n",
+        );
+        let mut heat = of_run(&manifest, &Settings::default(), |_| false);
+        heat.observe(&ChainState::initial(&manifest.physics).as_frame(&manifest, 0), &mut LastRow::default());
+        assert_eq!(heat.rows.estimate(1).mean, 2.5);
+        assert!(heat.temperature(0).mean.is_nan() && heat.temperature(1).mean == 1.0);
     }
 
     /// One number is told where there is one: in an open chain between two baths with nothing else between them, and in equilibrium.

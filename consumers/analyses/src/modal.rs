@@ -1,6 +1,6 @@
 //! Sharing of energy by the linear modes: spectral entropy, effective number of modes, the time until equipartition.
 
-use crate::modes::{NO_FREQUENCY, with_resonators};
+use crate::modes::{NO_FREQUENCY, about_rest};
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
     Takes, frame_columns,
@@ -30,7 +30,8 @@ pub static OFFER: Offer = Offer {
         beadline modal run.mcap --out entropy.csv --spectrum spectrum.csv\n  \
         beadline modal live:fput --threshold 0.2             while the run goes on\n  \
         beadline modal run.mcap --bands 1-4,5-16,17-32 --figure bands.png\n\n\
-        Modes are those of `beadline modes`: of small motions about the equilibrium, with the linear part of bonds. With the part p of all their \
+        Modes are those of `beadline modes`: of small motions about the equilibrium, with the linear part of bonds; where walls \
+        move, about the places at which the beads would rest between them. With the part p of all their \
         energy that is in each of M modes (those of frequency 0 left out), the entropy is S = -Σ p·ln p, e^S the effective number of modes, and \
         η = (ln M - S)/(ln M - S0) the distance from equipartition (R. Livi and others, Phys. Rev. A 31 (1985) 1039, doi:10.1103/PhysRevA.31.1039), \
         with S0 of the first frame that is looked at: 1 at first. In equilibrium the energies fluctuate, and η comes to about 0.42/(ln M - S0). \
@@ -146,6 +147,7 @@ fn name_of(Range { start, end }: &Range<usize>) -> String {
 struct ModalAnalysis {
     manifest: RunManifest,
     chain: Chain,
+    linear: LinearChain,
     /// None where it is a trial.
     modal: Option<Modal>,
     /// Modes of frequency 0, which are the first.
@@ -203,6 +205,7 @@ impl ModalAnalysis {
             band_curves: vec![Series::default(); if beginning.is_drawn { bands.len() } else { 0 }],
             bands,
             modal,
+            linear,
             chain,
             manifest,
         })
@@ -241,7 +244,8 @@ impl ModalAnalysis {
             .y_axis(Axis::new("energy of a mode over that of equipartition").log())
             .horizontal("", 1.0);
         let free = self.free;
-        self.bands.iter().zip(&self.band_curves).fold(panel, |panel, (band, curve)| {
+        let bands = self.bands.iter().zip(&self.band_curves).filter(|(band, _)| band.end > free);
+        bands.fold(panel, |panel, (band, curve)| {
             let sharing = band.end - if band.start > free { band.start } else { free };
             let per_mode = curve.curve(0).map(|(t, energy_j)| (t, energy_j / sharing as f64 / even_j));
             let points: Vec<_> = per_mode.filter(|(t, value)| *t > 0.0 && *value > LEAST_DRAWN).collect();
@@ -280,7 +284,7 @@ impl Analysis for ModalAnalysis {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let Some(modal) = &mut self.modal else { return };
-        let [u_m, v_m_s] = with_resonators(&self.chain, frame);
+        let [u_m, v_m_s] = about_rest(&self.chain, &self.linear, frame);
         modal.energies_j(&u_m, &v_m_s, &mut self.energies_j);
         self.frames += 1.0;
         self.sums_j.iter_mut().zip(&self.energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);
@@ -403,8 +407,9 @@ impl Analysis for ModalAnalysis {
 mod tests {
     use super::*;
     use consumers::analysis::{LastRow, Settings};
+    use producer::integrator::Integrator;
     use producer::state::ChainState;
-    use schemas::config::{End, MassRule};
+    use schemas::config::{End, MassRule, RunConfig};
     use schemas::manifest::Origin;
     use schemas::presets::PRESETS;
     use schemas::term::{Spring, TermLaw};
@@ -469,6 +474,47 @@ mod tests {
         }
         let wrong = bands_of("2-24", 23).expect_err("no mode 24");
         assert!(wrong.contains("modes 1 to 23"), "{wrong}");
+    }
+
+    /// A chain on a wall that moves, with the other end free: its modes have all of its energy, that of resonators, too.
+    #[test]
+    fn modes_go_along_with_a_wall() {
+        for resonators in ["", "[resonators]\nmass_kg = 0.5\nstiffness_n_per_m = 1.0\n"] {
+            let config = RunConfig::from_toml(&format!(
+                "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = {{ linear = 1.0 }}\n[ends]\nleft = \"fixed\"\n{resonators}\
+                 [[drive]]\nwall = \"left\"\nvelocity_m_s = 0.1\n[time]\nduration_s = 40\ndt_s = 0.05\n"
+            ));
+            let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+            let manifest = RunManifest::new(&config.expect("TOML"), "wall", origin).expect("a chain");
+            let settings = Settings::default();
+            let mut analysis =
+                ModalAnalysis::begin(&Beginning::whole(OFFER.name, &manifest, &settings)).expect("modes");
+            let mut state = ChainState::initial(&manifest.physics);
+            let mut integrator = Integrator::new(&manifest.physics);
+            (0..800).for_each(|_| integrator.step(&mut state));
+            let frame = state.as_frame(&manifest, 0);
+            let energy = analysis.chain.energy(frame.u_m, frame.v_m_s, frame.extra, &mut [0.0; 7]);
+            analysis.observe(&frame, &mut LastRow::default());
+            let found_j = analysis.last[0];
+            assert!((found_j / energy.total_j() - 1.0).abs() < 1e-11, "{found_j} {energy:?}");
+        }
+    }
+
+    /// A free chain has a mode of frequency 0, of which a band alone shares nothing.
+    #[test]
+    fn a_band_of_zero_modes_is_not_drawn() {
+        let config = "[chain]\nbeads = 8\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[initial]\n\
+             velocities_m_s = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n[time]\nduration_s = 1.0\n";
+        let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
+        let manifest = RunManifest::new(&RunConfig::from_toml(config).expect("TOML"), "free", origin);
+        let (manifest, mut settings) = (manifest.expect("a chain"), Settings::default());
+        let setting = OFFER.settings.iter().find(|setting| setting.name == "bands").expect("bands");
+        settings.set(setting, vec!["1-1,2-8".to_owned()]).expect("bands");
+        let beginning = Beginning { is_drawn: true, ..Beginning::whole(OFFER.name, &manifest, &settings) };
+        let mut analysis = ModalAnalysis::begin(&beginning).expect("modes");
+        let state = ChainState::initial(&manifest.physics);
+        analysis.observe(&state.as_frame(&manifest, 0), &mut LastRow::default());
+        assert!(analysis.figure().expect("a figure").is_some());
     }
 
     #[test]

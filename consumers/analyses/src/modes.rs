@@ -30,7 +30,8 @@ pub static OFFER: Offer = Offer {
         beadline modes chain.toml --out modes.csv            of a configuration\n  \
         beadline modes run.mcap --shapes --mode 1 --mode 50 --figure shapes.svg\n  \
         beadline modes run.mcap --energy --out energies.csv --figure energies.png\n\n\
-        Modes are those of small motions about the equilibrium, counted from 1 by ascending frequency. The chain has to \
+        Modes are those of small motions about the equilibrium, without damping, counted from 1 by ascending frequency. \
+        Where walls move, energies are those of the motion about the places at which the beads would rest between them. The chain has to \
         be pressed together: a contact without load has no linear motion. participation is the number of beads that \
         share a mode's energy, 1/Σ e². Bands and gaps are those of the unit that the chain repeats, if it repeats one; a \
         mode outside of them is held by an impurity or an end. --out and --figure are of what was asked for: the list \
@@ -93,17 +94,21 @@ fn modes_of(chain: &LinearChain) -> Result<Arc<Modes>, ModesError> {
     })
 }
 
-/// Displacements (m) and velocities (m/s) of all beads, and of the resonators that are there after them.
-pub(crate) fn with_resonators<'a>(chain: &Chain, frame: &Frame<'a>) -> [Cow<'a, [f64]>; 2] {
-    if !chain.sites.has_resonators() {
+/// Displacements (m) and velocities (m/s) of all beads, and of the resonators that are there after them: displacements are those from the places
+/// of rest between the walls, where these are.
+pub(crate) fn about_rest<'a>(chain: &Chain, linear: &LinearChain, frame: &Frame<'a>) -> [Cow<'a, [f64]>; 2] {
+    let walls_m = chain.walls_m(frame.extra);
+    if !chain.sites.has_resonators() && walls_m == [0.0; 2] {
         return [Cow::Borrowed(frame.u_m), Cow::Borrowed(frame.v_m_s)];
     }
-    let inner = chain.rows.resonators_of(frame.extra);
+    let rest_m = linear.at_rest_m(walls_m);
+    let about = |values: &[f64]| values.iter().zip(&rest_m).map(|(x, rest)| x - rest).collect::<Vec<_>>();
+    let [w_m, w_m_s] = chain.rows.resonators_of(frame.extra);
     let there = |values: &[f64]| {
         values.iter().zip(&chain.sites.resonator_kg).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect()
     };
-    let [w_m, w_m_s]: [Vec<f64>; 2] = inner.map(there);
-    [[frame.u_m, &w_m].concat().into(), [frame.v_m_s, &w_m_s].concat().into()]
+    let [w_m, w_m_s]: [Vec<f64>; 2] = [there(&about(w_m)), there(w_m_s)];
+    [[about(frame.u_m), w_m].concat().into(), [frame.v_m_s, &w_m_s].concat().into()]
 }
 
 /// Subject of the report.
@@ -118,6 +123,7 @@ enum Subject {
 struct ModeAnalysis {
     manifest: RunManifest,
     chain: Chain,
+    linear: LinearChain,
     subject: Subject,
     /// Empty where the chain repeats no unit.
     bands_hz: Vec<Band>,
@@ -171,6 +177,7 @@ impl ModeAnalysis {
             chosen,
             subject,
             chain: whole,
+            linear: chain,
             manifest,
         })
     }
@@ -236,7 +243,7 @@ impl Analysis for ModeAnalysis {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let Some(modes) = &self.modes else { return };
         self.row.clear();
-        let [u_m, v_m_s] = with_resonators(&self.chain, frame);
+        let [u_m, v_m_s] = about_rest(&self.chain, &self.linear, frame);
         self.row.extend(self.chosen.iter().map(|mode| modes.energy_j(*mode, &u_m, &v_m_s)));
         self.largest_j.resize(self.row.len(), 0.0);
         for ((energy_j, largest_j), curve) in self.row.iter().zip(&mut self.largest_j).zip(&mut self.curves) {
@@ -279,7 +286,11 @@ impl Analysis for ModeAnalysis {
             }
             Subject::Energies => ("energies of modes", self.energy_words(&modes), self.energy_json(&modes)),
         };
-        Some(Report { title, words, results, ..Report::default() })
+        let mut report = Report { title, words, results, ..Report::default() };
+        if self.chain.damping.is_some() || self.chain.sites.has_drag() {
+            report.notices.push("frequencies and shapes are those without damping and drag".to_owned());
+        }
+        Some(report)
     }
 
     fn figure(&mut self) -> Result<Option<Figure>, FigureError> {

@@ -169,6 +169,18 @@ impl<'a> Measure<'a> {
                     self.offer.name
                 ));
             };
+            if settings.is_set(setting.name) {
+                return Err(format!(
+                    "found the option `{option}` after another `{name}`; allowed: each once"
+                ));
+            }
+            if let Whereabouts::Of { setting: place, also, allowed } = &self.offer.place
+                && (setting.name == *place || also.contains(&setting.name))
+            {
+                return Err(format!(
+                    "found the option `{option}`, which the place behind @ sets; allowed: {allowed}"
+                ));
+            }
             settings.set(setting, values).map_err(|(found, why)| format!("found {name}={found}: {why}"))?;
         }
         Ok(settings)
@@ -367,6 +379,11 @@ mod tests {
             ),
             ("modal(threshold=-1).equipartition_s", "found threshold=-1: "),
             ("contacts(a=1).open_count", "found the option `a=1` of contacts; allowed: "),
+            (
+                "modal(threshold=1;threshold=2).equipartition_s",
+                "after another `threshold`; allowed: each once",
+            ),
+            ("forces(at=bead:3).peak_n@6", "found the option `at=bead:3`, which the place behind @ sets"),
             ("modal(threshold=1.equipartition_s", "allowed: the column of an analysis"),
             ("pulses.bead@up", "found @up; allowed: @forward, @backward"),
         ] {

@@ -69,19 +69,21 @@ pub fn compute<E>(
 where
     E: From<ConfigError> + From<RunError<Infallible, WriteError>> + From<WriteError>,
 {
-    let mut points = Vec::new();
+    let (begin, mut points) = (Instant::now(), Vec::new());
     for (place, asked) in asked.iter().enumerate() {
         match Begun::of::<E>(sweep, asked, origin)? {
             Ok(begun) => points.push((place, begun)),
             Err(row) => done(place, row, 0.0)?,
         }
     }
+    // the making of all is shared by those that are runs
+    let made_s = begin.elapsed().as_secs_f64() / points.len() as f64;
     let (manifests, mut takers): (Vec<_>, Vec<_>) = points
         .into_iter()
         .map(|(place, begun)| (begun.manifest, Some((place, begun.parameters, begun.takers))))
         .unzip();
     for together in Together::of(&manifests) {
-        let (mut since, mut wall_s, mut failure) = (Instant::now(), 0.0, None);
+        let (mut since, mut wall_s, mut failure) = (Instant::now(), made_s, None);
         let numbers = together.numbers().to_vec();
         let mut left = numbers.len();
         let mut begun: Vec<_> = numbers.iter().filter_map(|number| takers[*number].take()).collect();

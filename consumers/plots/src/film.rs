@@ -41,6 +41,8 @@ impl<'a> Film<'a> {
         let times = footage.shots.first().zip(footage.shots.last());
         let span_ms = times.map_or(0.0, |(first, last)| (last.time_s - first.time_s) * 1e3);
         let decimals = -(span_ms / footage.shots.len() as f64).log10().floor();
+        // one moment has no span
+        let decimals = if decimals.is_finite() { decimals } else { 6.0 };
         let (unit, per_s, decimals) =
             if decimals > 9.0 { ("ns", 1e9, decimals - 6.0) } else { ("ms", 1e3, decimals) };
         Self {

@@ -33,7 +33,7 @@
 use super::step_error::step_error_j;
 use super::window::Window;
 use crate::uncertain::Uncertain;
-use schemas::manifest::RunManifest;
+use schemas::manifest::{Physics, RunManifest};
 use serde::Serialize;
 use std::fmt;
 
@@ -279,8 +279,8 @@ pub(super) struct ReflectionWatch {
 /// The incident side, unless nothing is reflected at `split_bead`.
 pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<Side, Undefined> {
     let physics = &manifest.physics;
-    let (striker, velocity_m_s) = (physics.striker.bead, physics.striker.velocity_m_s);
-    if velocity_m_s == 0.0 {
+    let (striker, velocity_m_s) = (physics.striker.bead, striker_m_s(physics));
+    if physics.striker.velocity_m_s == 0.0 || velocity_m_s == 0.0 {
         return Err(Undefined::StrikerRests);
     }
     if striker == split_bead {
@@ -308,12 +308,18 @@ pub(super) fn incident_side(manifest: &RunManifest, split_bead: u64) -> Result<S
     }
 }
 
+/// The velocity (m/s) with which the bead of the striker begins.
+fn striker_m_s(physics: &Physics) -> f64 {
+    let (_, v_m_s) = physics.initial_state();
+    usize::try_from(physics.striker.bead).ok().and_then(|bead| v_m_s.get(bead).copied()).unwrap_or(0.0)
+}
+
 impl ReflectionWatch {
     pub(super) fn new(manifest: &RunManifest, incident: Side) -> Self {
         let physics = &manifest.physics;
         let collision_s = physics.scales().time_s;
         Self {
-            moved_m_s: MOVED * physics.striker.velocity_m_s.abs(),
+            moved_m_s: MOVED * striker_m_s(physics).abs(),
             end_beads: [0, physics.beads - 1],
             end_velocities_m_s: [0.0; 2],
             recoil_within_s: RECOIL_WINDOW * collision_s,
@@ -583,6 +589,9 @@ mod tests {
         let two = manifest(|config| config.striker.more = vec![other]);
         assert_eq!(incident_side(&two, 100), Err(Undefined::OthersMove));
         assert_eq!(of(|config| config.initial.velocities_m_s = vec![-3.0; 200]), Err(Undefined::OthersMove));
+        let faster =
+            |config: &mut RunConfig| config.initial.velocities_m_s = [vec![1.0], vec![0.0; 199]].concat();
+        assert_eq!(of(faster), Ok(Side::Left));
         let unstruck = |config: &mut RunConfig| {
             (config.striker.bead, config.striker.velocity_m_s) = (100, 0.0);
             config.initial.velocities_m_s = vec![1.0; 200];

@@ -244,7 +244,7 @@ impl Bead {
         }
     }
 
-    /// Whatever rises does so from now on.
+    /// Forgets the rise so far: the next one is counted from here.
     fn begin(&mut self) {
         (self.low_m_s, self.rise) = (f64::INFINITY, Rise::default());
     }

@@ -22,7 +22,7 @@ impl Heads {
         self.at = tracks.iter().enumerate().map(|(i, track)| (track.head().bead, i)).collect();
     }
 
-    /// Looks at positions at other times.
+    /// Takes the times (s) for which positions will be asked from now on, and the farthest of these.
     pub(super) fn look(&mut self, tracks: &[Track], times_s: [f64; 2]) {
         (self.times_s, self.farthest) = (times_s, 0);
         for track in tracks {

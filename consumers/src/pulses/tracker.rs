@@ -247,7 +247,7 @@ impl Pulses {
         crests.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
     }
 
-    /// Makes it known where the tracks are at the times of the crests and of the middle frame.
+    /// Gives the heads the times for which positions will be asked: those of the crests and of the middle frame.
     fn find_positions(&mut self) {
         let now_s = self.sight.history.time_s(2);
         let time_s = |crest: Option<&(usize, Crest)>| crest.map_or(now_s, |(_, crest)| crest.time_s);
@@ -439,7 +439,7 @@ impl Pulses {
         for i in (0..lost.len()).filter(|i| lost[*i]) {
             self.heads.remove(i, &self.tracks[i]);
             if self.tracks[i].number > 0 {
-                self.end(self.tracks[i].clone(), now_s, all);
+                self.end(i, now_s, all);
             }
         }
         let mut lost = lost.into_iter();
@@ -457,8 +457,9 @@ impl Pulses {
         }
     }
 
-    fn end(&mut self, mut track: Track, now_s: f64, at_last: bool) {
-        let fate = self.fate(&track, now_s, at_last);
+    fn end(&mut self, i: usize, now_s: f64, at_last: bool) {
+        let fate = self.fate(&self.tracks[i], now_s, at_last);
+        let track = &mut self.tracks[i];
         if matches!(fate, Fate::End | Fate::Wall | Fate::Seam) {
             self.met_ends[usize::from(track.ahead > 0)] = true;
         }

@@ -128,6 +128,29 @@ impl LinearChain {
         self.on_site_n_per_m.get(bead).copied().unwrap_or(0.0) + left + right
     }
 
+    /// Displacements (m) of the beads at rest while the walls are displaced by `walls_m`: elimination from the left end on, then from the right.
+    pub fn at_rest_m(&self, walls_m: [f64; 2]) -> Vec<f64> {
+        // a bead that nothing ties to a place stays
+        let over = |value: f64, stiffness: f64| if stiffness == 0.0 { 0.0 } else { value / stiffness };
+        let last = self.bead_count() - 1;
+        // the spring and the force by which a bead sees all on its left
+        let (mut spring, mut pull_n) = (0.0, self.wall_n_per_m[0] * walls_m[0]);
+        let mut rows = Vec::with_capacity(last + 1);
+        for bead in 0..=last {
+            let k = self.contact_n_per_m.get(bead).copied().unwrap_or(0.0);
+            let pivot = spring + self.tied_n_per_m(bead) + k;
+            rows.push([pivot, pull_n, k]);
+            (spring, pull_n) = (k - over(k * k, pivot), over(k * pull_n, pivot));
+        }
+        rows[last][1] += self.wall_n_per_m[1] * walls_m[1];
+        let mut next_m = 0.0;
+        for row in rows.iter_mut().rev() {
+            next_m = over(row[1] + row[2] * next_m, row[0]);
+            row[0] = next_m;
+        }
+        rows.into_iter().map(|[at_rest_m, ..]| at_rest_m).collect()
+    }
+
     /// The speed of long waves (beads/s), `1/√(<m>·<1/K>)` by the means over beads and springs; none where beads are tied to their places or a spring has no
     /// stiffness.
     pub fn long_waves_beads_per_s(&self) -> Option<f64> {
@@ -163,6 +186,24 @@ pub(crate) mod tests {
             on_site_n_per_m: vec![0.0; count],
             ring_n_per_m: 0.0,
             resonators: Vec::new(),
+        }
+    }
+
+    /// Equal springs share the way between two walls; a bead on its own spring stays behind; a chain with a free end follows its wall.
+    #[test]
+    fn beads_at_rest_follow_the_walls() {
+        let mut held = chain(2, &[1.0], 1.0, 1.0);
+        held.on_site_n_per_m = vec![1.0, 0.0];
+        let mut loose = chain(3, &[1.0, 7.0], 2.0, 0.0);
+        loose.wall_n_per_m[0] = 3.0;
+        for (chain, walls_m, expected) in [
+            (chain(3, &[1.0], 2.0, 2.0), [4.0, 8.0], vec![5.0, 6.0, 7.0]),
+            // 3·u0 = u1 + 5, 2·u1 = u0
+            (held, [5.0, 0.0], vec![2.0, 1.0]),
+            (loose, [6.0, 0.0], vec![6.0; 3]),
+        ] {
+            let found = chain.at_rest_m(walls_m);
+            assert!(found.iter().zip(&expected).all(|(x, exact)| (x - exact).abs() < 1e-14), "{found:?}");
         }
     }
 

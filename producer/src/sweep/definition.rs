@@ -396,28 +396,32 @@ impl Reader<'_> {
 
     fn grid(&self, value: &Located<'_>) -> Result<Vec<Axis>, SweepError> {
         let mut entries = Vec::new();
-        self.entries("", self.table(value, "grid")?, &mut entries)?;
+        self.entries("", self.table(value, "grid")?, false, &mut entries)?;
         entries.into_iter().map(|(key, value)| self.axis(key, value)).collect()
     }
 
-    /// Keys and values of `table` in the order of the file; keys may be written quoted, or dotted as in TOML.
+    /// Keys and values of `table` in the order of the file; keys may be written quoted, or dotted as in TOML. In a case a table in
+    /// braces is a value, else one with an end of a range is.
     fn entries<'a, 'i>(
         &self,
         prefix: &str,
         table: &'a DeTable<'i>,
+        is_case: bool,
         found: &mut Vec<(KeyPath, &'a Located<'i>)>,
     ) -> Result<(), SweepError> {
         let mut entries: Vec<_> = table.iter().collect();
         entries.sort_by_key(|(key, _)| key.span().start);
         for (key, value) in entries {
             let name = format!("{prefix}{}", key.get_ref());
+            let has_end = |inner: &DeTable<'_>| inner.contains_key("from") || inner.contains_key("to");
+            let in_braces = self.written(value).starts_with('{');
             match value.get_ref() {
                 DeValue::Table(inner) if inner.is_empty() => {
                     let message = "found an empty table; allowed: values".to_owned();
                     return Err(self.refuse(key.span().start, &name, message));
                 }
-                DeValue::Table(inner) if !inner.contains_key("from") && !inner.contains_key("to") => {
-                    self.entries(&format!("{name}."), inner, found)?;
+                DeValue::Table(inner) if !(if is_case { in_braces } else { has_end(inner) }) => {
+                    self.entries(&format!("{name}."), inner, is_case, found)?;
                 }
                 _ => {
                     let path = KeyPath::parse(&name)
@@ -467,7 +471,7 @@ impl Reader<'_> {
 
     fn case(&self, value: &Located<'_>) -> Result<Vec<Setting>, SweepError> {
         let mut entries = Vec::new();
-        self.entries("", self.table(value, "case")?, &mut entries)?;
+        self.entries("", self.table(value, "case")?, true, &mut entries)?;
         let line = |value: &Located<'_>| line_at(self.text, value.span().start);
         let setting = |(key, value): (KeyPath, &Located<'_>)| {
             Ok(Setting { value: self.plain(value, &key.to_string())?, line: line(value), key })

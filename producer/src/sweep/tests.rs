@@ -188,6 +188,28 @@ fn keys_that_lie_in_each_other_are_refused() {
     assert_eq!((sweep.point_count(), sweep.parameters().len()), (2, 2));
 }
 
+/// As in a grid; a table of its own goes on with that of the base.
+#[test]
+fn a_table_in_braces_in_a_case_replaces_that_of_the_base() {
+    let base = "[base]\npreset = \"homogeneous\"\nchain.beads = 40\n\
+                initial.gaussian = { bead = 15, width_beads = 2, displacement_m = 1e-9 }\n[[case]]\n";
+    let shape = |case: &str| {
+        let gaussian = config(&read(&format!("{base}{case}\n")).expect("valid"), 0).initial.gaussian;
+        gaussian.map(|shape| (shape.bead, shape.displacement_m, shape.velocity_m_s)).expect("a shape")
+    };
+    let of_case = "gaussian = { bead = 16, width_beads = 2, velocity_m_s = 0.01 }";
+    for written in [
+        format!("\"initial.{of_case}").replace(" = {", "\" = {"),
+        format!("initial.{of_case}"),
+        format!("[case.initial]\n{of_case}"),
+    ] {
+        assert_eq!(shape(&written), (16.0, 0.0, 0.01), "{written}");
+    }
+    for written in ["initial.gaussian.bead = 16", "[case.initial.gaussian]\nbead = 16"] {
+        assert_eq!(shape(written), (16.0, 1e-9, 0.0), "{written}");
+    }
+}
+
 /// What a preset says of its own run is nothing that the points of a sweep have in common.
 #[test]
 fn a_preset_lends_its_physics_only() {

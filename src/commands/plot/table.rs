@@ -216,6 +216,9 @@ fn heat_of(
     gaps.of_fewer(&values);
     let means = found.means();
     gaps.without_value(cells.values().flatten().filter(|row| means[**row].is_none()).count());
+    if cells.values().flatten().all(|row| means[*row].is_none()) {
+        return Err(bad_input!("{heat} has no numbers over {} and {y}", choice.x));
+    }
     let point = |row: &usize| Some([axes[0][*row]?, axes[1][*row]?, means[*row].unwrap_or(f64::NAN)]);
     let gaps = vec![gaps];
     let is_mean = columns.is_ensemble() || !choice.averaged.is_empty();

@@ -166,7 +166,7 @@ impl Reader<'_> {
     /// The ranges, each with its key and its line.
     fn ranges(&self, value: &Located<'_>) -> Result<Vec<(KeyPath, usize, Interval)>, SweepError> {
         let mut entries = Vec::new();
-        self.entries("", self.table(value, "sample.ranges")?, &mut entries)?;
+        self.entries("", self.table(value, "sample.ranges")?, false, &mut entries)?;
         if entries.is_empty() {
             let message = "found no range; write at least one key with { from = …, to = … }".to_owned();
             return Err(self.refuse(value.span().start, "sample.ranges", message));

@@ -51,7 +51,7 @@ impl Choice {
         }
         args.y.iter().try_for_each(|name| columns.check("--y", name).map(drop))?;
         let varying = varying(columns)?;
-        // numbers that may be an axis, most values first
+        // numbers that may be an axis: those with most values, which a map has in their order in the table
         let asked = [asked_by, args.heat.as_ref()];
         let is_free =
             |name: &str| !asked.contains(&Some(&name.to_owned())) && !args.y.iter().any(|y| y == name);
@@ -63,13 +63,16 @@ impl Choice {
         if axes.len() > 1 {
             axes.retain(|(name, _)| *name != SEED);
         }
+        let mut most = axes.clone();
+        most.sort_by_key(|axis| std::cmp::Reverse(axis.1));
         let has_choice = args.x.is_none() && args.y.is_empty() && args.by.is_none() && args.band.is_none();
         let is_map = has_choice && axes.len() == 2 && axes.iter().all(|(_, count)| *count > MOST_CURVES);
         if args.heat.is_some() || is_map {
+            most.truncate(2);
+            axes.retain(|axis| most.contains(axis));
             return Self::map(args, columns, &axes, &varying);
         }
-        axes.sort_by_key(|axis| std::cmp::Reverse(axis.1));
-        let x = match (&args.x, axes.first()) {
+        let x = match (&args.x, most.first()) {
             (Some(x), _) => x.clone(),
             (None, Some((x, _))) => (*x).to_owned(),
             (None, None) => return Err(nothing_varies(columns)),
@@ -82,7 +85,13 @@ impl Choice {
             first.map(|(name, _)| (*name).to_owned()).filter(|_| args.by.is_none())
         });
         let taken: Vec<&str> = std::iter::once(x.as_str()).chain(by.as_deref()).collect();
-        let (averaged, scattered) = rest(columns, &taken, &varying)?;
+        let (averaged, scattered) = rest(columns, &taken, &varying, args.fit.is_some())?;
+        if args.fit.is_some() && scattered && averaged.iter().any(|name| name != SEED) {
+            notice!(
+                "--fit: the points of a curve differ in {} too, and a law through all of them may be that of none",
+                averaged.join(", ")
+            );
+        }
         if let Some(by) = &by {
             let count = columns.keys(by)?.known.len();
             if count > 3 * MOST_CURVES {
@@ -114,7 +123,7 @@ impl Choice {
             Some(heat) => heat.clone(),
             None => default_result(columns, &x)?,
         };
-        let (averaged, _) = rest(columns, &[x.as_str(), y.as_str()], varying)?;
+        let (averaged, _) = rest(columns, &[x.as_str(), y.as_str()], varying, false)?;
         let log = log(args, columns, [Some(&x), Some(&y)])?;
         Ok(Self { x, y: vec![y], by: None, heat: Some(heat), averaged, scattered: false, log })
     }
@@ -197,8 +206,13 @@ fn default_result(columns: &Columns, x: &str) -> Result<String, Failure> {
 }
 
 /// The swept columns beyond those `taken` in which rows differ, and whether they differ otherwise from one point to the next, as
-/// samples do, so that rows are not repetitions of each other.
-fn rest(columns: &Columns, taken: &[&str], varying: &[(&str, Keys)]) -> Result<(Vec<String>, bool), Failure> {
+/// samples do, so that rows are not repetitions of each other. A fit averages over these as well.
+fn rest(
+    columns: &Columns,
+    taken: &[&str],
+    varying: &[(&str, Keys)],
+    is_fit: bool,
+) -> Result<(Vec<String>, bool), Failure> {
     let rest: Vec<_> = varying.iter().filter(|(name, _)| !taken.contains(name)).collect();
     let keys: Vec<Keys> = taken.iter().map(|name| columns.keys(name)).collect::<Result<_, _>>()?;
     let point = |row: usize| keys.iter().map(|keys| keys.of[row]).collect::<Vec<usize>>();
@@ -216,8 +230,11 @@ fn rest(columns: &Columns, taken: &[&str], varying: &[(&str, Keys)]) -> Result<(
     }
     (0..columns.row_count()).for_each(|row| *points.entry(point(row)).or_default() += 1);
     let repeats = points.values().any(|count| *count > 1);
-    let averaged =
-        if repeats { rest.iter().map(|(name, _)| (*name).to_owned()).collect() } else { Vec::new() };
+    let averaged = if repeats || is_fit {
+        rest.iter().map(|(name, _)| (*name).to_owned()).collect()
+    } else {
+        Vec::new()
+    };
     Ok((averaged, scattered))
 }
 

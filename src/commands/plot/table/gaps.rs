@@ -55,7 +55,8 @@ impl Gaps {
             said.push(format!("{} without a place on the axes", counted(self.off_axes, "point")));
         }
         if self.of_fewer > 0 {
-            said.push(format!("{} of fewer rows than there should be", counted(self.of_fewer, "mean")));
+            let means = counted(self.of_fewer, "mean");
+            said.push(format!("{means} of fewer rows than others or than there should be"));
         }
         (!said.is_empty()).then(|| said.join(", "))
     }
