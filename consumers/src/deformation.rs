@@ -480,7 +480,7 @@ mod tests {
             assert!(why.contains("begins in motion"), "{why}");
         }
 
-        let linear = manifest(|config| config.chain.alpha = 1.0);
+        let linear = manifest(|config| config.chain.alpha = Some(1.0));
         let results = Deformations::new(&linear, &[100]).results();
         assert_eq!(results[0].measured, Err(Untold::NoPulse));
     }

@@ -336,9 +336,9 @@ mod tests {
     fn manifest(beads: u64, split: u64) -> RunManifest {
         let mut config = PRESETS[0].config();
         config.chain.beads = beads;
-        config.chain.alpha = 3.0;
-        config.chain.stiffness = 64.0;
-        config.chain.bead_mass_kg = 2.0;
+        config.chain.alpha = Some(3.0);
+        config.chain.stiffness = Some(64.0);
+        config.chain.bead_mass_kg = Some(2.0);
         config.chain.impurities = vec![Impurity { bead: split, mass_kg: 4.0 }];
         config.striker.velocity_m_s = 1.0;
         config.time.duration_s = 100.0;

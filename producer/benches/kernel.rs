@@ -69,7 +69,7 @@ impl Moment {
 fn chain(method: Method, alpha: f64, beads: u64) -> Physics {
     let homogeneous = PRESETS.iter().find(|preset| preset.name == "homogeneous");
     let mut config: RunConfig = homogeneous.expect("a preset").config();
-    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, alpha, method);
+    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, Some(alpha), method);
     Physics::resolve(&config).expect("a chain of any length is valid")
 }
 

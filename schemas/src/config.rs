@@ -100,18 +100,18 @@ pub struct ChainConfig {
     #[schemars(range(min = 2))]
     pub beads: u64,
     /// Mass of a bead (kg), unless `masses` says otherwise. With `spheres` it is left out: the first sphere gives it.
-    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
-    pub bead_mass_kg: f64,
+    pub bead_mass_kg: Option<f64>,
     /// Exponent α of the contact law. May be left out with `spheres`, where it is 1.5, and with `bonds`.
-    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = exponent)]
-    pub alpha: f64,
+    pub alpha: Option<f64>,
     /// Stiffness k of a contact (N·m^−α), unless `stiffnesses` says otherwise. It is left out with `spheres`, and may be with
     /// `bonds`: the first contact gives it.
-    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(transform = positive)]
-    pub stiffness: f64,
+    pub stiffness: Option<f64>,
     /// A rule for the masses of all beads.
     #[serde(default, skip_serializing_if = "MassRule::is_uniform")]
     pub masses: MassRule,
@@ -149,12 +149,30 @@ pub struct ChainConfig {
 }
 
 impl ChainConfig {
-    /// The mass (kg), the exponent and the stiffness (N·m^−α) that spheres or bonds stand for; NaN where they stand for none.
-    fn scales(&self) -> [f64; 3] {
+    /// Keys of the numbers that spheres or bonds may stand for.
+    const SCALES: [&str; 3] = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
+
+    /// The mass (kg), the exponent and the stiffness (N·m^−α) that spheres or bonds stand for.
+    fn usual_scales(&self) -> [Option<f64>; 3] {
         match (&self.spheres, &self.bonds) {
-            (Some(spheres), _) => spheres.scales().unwrap_or([f64::NAN; 3]),
+            (Some(spheres), _) => spheres.scales().map_or([None; 3], |scales| scales.map(Some)),
             (None, Some(bonds)) => bonds.scales(),
-            (None, None) => [f64::NAN; 3],
+            (None, None) => [None; 3],
+        }
+    }
+
+    /// The mass (kg), the exponent and the stiffness (N·m^−α) of the scales.
+    ///
+    /// # Errors
+    /// With the key of one that is missing.
+    pub fn scales(&self) -> Result<[f64; 3], ConfigError> {
+        let [mass_kg, alpha, stiffness] = self.usual_scales();
+        let numbers = [self.bead_mass_kg.or(mass_kg), self.alpha.or(alpha), self.stiffness.or(stiffness)];
+        match numbers {
+            [Some(mass_kg), Some(alpha), Some(stiffness)] => Ok([mass_kg, alpha, stiffness]),
+            [None, ..] => Err(ConfigError::missing(Self::SCALES[0])),
+            [_, None, _] => Err(ConfigError::missing(Self::SCALES[1])),
+            [.., None] => Err(ConfigError::missing(Self::SCALES[2])),
         }
     }
 }
@@ -165,16 +183,6 @@ pub const OWN_STIFFNESSES: &str = "nothing beside chain.bonds, which have stiffn
 /// Allowed for seeds that are asked for by a flag or by a sweep.
 pub const DRAWS: &str = "a seed where it has an effect: with [[disorder]], initial.thermal, initial.modes of random phases, or a [[bath]] \
                          without a seed of its own";
-
-/// A number that a configuration leaves out; [`RunConfig::from_toml`] finds it, or reports that it is missing.
-fn left_out() -> f64 {
-    f64::NAN
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
-fn is_left_out(number: &f64) -> bool {
-    number.is_nan()
-}
 
 /// The masses of the beads of a chain, before its impurities.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -442,9 +450,9 @@ impl RunConfig {
         has_states || !self.disorder.is_empty() || self.bath.iter().any(|bath| bath.seed.is_none())
     }
 
-    /// Fills in the numbers and the method that `document`, the source of this configuration, leaves open.
+    /// Checks the scales, and fills in the method and the intervals that `document`, the source of this configuration, leaves open.
     fn completed(mut self, document: &toml::Table) -> Result<Self, ConfigError> {
-        self.fill_in(document)?;
+        self.check_scales()?;
         if !document.contains_key("integrator") {
             self.integrator.method = self.default_method();
         }
@@ -456,32 +464,25 @@ impl RunConfig {
         Ok(self)
     }
 
-    /// Fills in the numbers of the scales that `document` leaves out, where spheres or bonds give them.
-    fn fill_in(&mut self, document: &toml::Table) -> Result<(), ConfigError> {
-        let written = document.get("chain").and_then(toml::Value::as_table);
+    /// Refuses numbers of the scales that are missing, or that bonds do not have, and leaves those to spheres and bonds that these have.
+    fn check_scales(&mut self) -> Result<(), ConfigError> {
         let chain = &mut self.chain;
         if chain.bonds.as_ref().is_some_and(Bonds::let_go) && chain.spheres.is_none() {
             return Err(Bonds::refusal());
         }
-        let usual = chain.scales();
-        let keys = ["chain.bead_mass_kg", "chain.alpha", "chain.stiffness"];
+        let usual = chain.usual_scales();
         let numbers = [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness];
-        for ((number, usual), key) in numbers.into_iter().zip(usual).zip(keys) {
-            let is_written = || written.is_some_and(|chain| chain.contains_key(&key["chain.".len()..]));
-            if chain.bonds.is_some() && usual.is_finite() && *number != usual && is_written() {
-                return Err(ConfigError::number(key, *number, OWN_STIFFNESSES));
-            }
-            if number.is_nan() && is_written() {
-                return Err(ConfigError::value(key, "nan", "a number"));
-            }
-            if number.is_nan() {
-                *number = usual;
-            }
-            if number.is_nan() {
-                return Err(ConfigError::missing(key));
+        for ((number, usual), key) in numbers.into_iter().zip(usual).zip(ChainConfig::SCALES) {
+            match *number {
+                Some(found) if found.is_nan() => return Err(ConfigError::value(key, "nan", "a number")),
+                found if found == usual => *number = None,
+                Some(found) if chain.bonds.is_some() && usual.is_some() => {
+                    return Err(ConfigError::number(key, found, OWN_STIFFNESSES));
+                }
+                _ => {}
             }
         }
-        Ok(())
+        chain.scales().map(drop)
     }
 
     /// The method of a configuration that names none: the usual one, or one that takes forces of velocities if there are any.
@@ -495,19 +496,8 @@ impl RunConfig {
 
     /// The configuration as TOML text that reads back to an equal configuration.
     pub fn to_toml(&self) -> String {
-        let mut config = self.clone();
-        let chain = &mut config.chain;
-        // as it was written: other spheres and bonds have others
-        let scales = chain.scales();
-        for (number, usual) in
-            [&mut chain.bead_mass_kg, &mut chain.alpha, &mut chain.stiffness].into_iter().zip(scales)
-        {
-            if *number == usual {
-                *number = left_out();
-            }
-        }
         // every field is a plain table, number or string, which TOML can always express
-        toml::to_string(&config).unwrap_or_default()
+        toml::to_string(self).unwrap_or_default()
     }
 }
 

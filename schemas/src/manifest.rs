@@ -593,12 +593,12 @@ mod tests {
             assert_eq!(error.key, key, "{error}");
             assert!(error.message.contains("allowed"), "{error}");
         };
-        refuse(|c| c.chain.alpha = 0.99, "chain.alpha");
-        refuse(|c| c.chain.alpha = f64::NAN, "chain.alpha");
-        refuse(|c| (c.chain.stiffness, c.striker.velocity_m_s) = (1e90, 1e-60), "chain.stiffness");
+        refuse(|c| c.chain.alpha = Some(0.99), "chain.alpha");
+        refuse(|c| c.chain.alpha = Some(f64::NAN), "chain.alpha");
+        refuse(|c| (c.chain.stiffness, c.striker.velocity_m_s) = (Some(1e90), 1e-60), "chain.stiffness");
         refuse(|c| c.chain.beads = 1, "chain.beads");
-        refuse(|c| c.chain.bead_mass_kg = 0.0, "chain.bead_mass_kg");
-        refuse(|c| c.chain.stiffness = -1.0, "chain.stiffness");
+        refuse(|c| c.chain.bead_mass_kg = Some(0.0), "chain.bead_mass_kg");
+        refuse(|c| c.chain.stiffness = Some(-1.0), "chain.stiffness");
         refuse(|c| c.chain.impurities[0].bead = 1000, "chain.impurities[0].bead");
         refuse(|c| c.chain.impurities[0].mass_kg = f64::INFINITY, "chain.impurities[0].mass_kg");
         refuse(|c| c.chain.impurities.push(c.chain.impurities[0]), "chain.impurities[1].bead");
@@ -609,7 +609,7 @@ mod tests {
         refuse(|c| c.chain.masses = MassRule::Taper(0.5), "chain.masses");
         refuse(|c| c.chain.masses = MassRule::Taper(0.0), "chain.masses.taper");
         refuse(|c| c.chain.stiffnesses = StiffnessRule::List(vec![1.0; 1000]), "chain.stiffnesses.list");
-        refuse(|c| (c.chain.alpha, c.chain.stiffnesses) = (2.0, StiffnessRule::Radii), "chain.stiffnesses");
+        refuse(|c| (c.chain.alpha, c.chain.stiffnesses) = (Some(2.0), StiffnessRule::Radii), "chain.stiffnesses");
         refuse(
             |c| c.chain.contacts = vec![OddContact { contact: 999, stiffness: 1.0 }],
             "chain.contacts[0].contact",

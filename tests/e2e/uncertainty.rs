@@ -13,7 +13,7 @@ use schemas::presets::Preset;
 /// longer chains.
 fn config(alpha: f64, mass_g: f64, method: Method) -> RunConfig {
     let mut config = Preset::find("homogeneous").unwrap().config();
-    config.chain.alpha = alpha;
+    config.chain.alpha = Some(alpha);
     config.chain.beads = 120;
     config.chain.impurities = vec![Impurity { bead: 40, mass_kg: mass_g * 1e-3 }];
     config.integrator.method = method;

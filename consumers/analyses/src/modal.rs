@@ -451,7 +451,7 @@ mod tests {
         for (end, masses) in [(End::Fixed, 1), (End::Free, 1), (End::Periodic, 1), (End::Fixed, 3)] {
             let mut config = PRESETS[0].config();
             config.chain.impurities.clear();
-            (config.chain.beads, config.chain.alpha) = (23, 1.0);
+            (config.chain.beads, config.chain.alpha) = (23, Some(1.0));
             config.chain.bonds = Some(bonds.iter().cloned().collect());
             config.chain.masses = MassRule::PatternKg([1e-3, 3e-3, 2e-3][..masses].to_vec());
             (config.ends.left, config.ends.right) = (end, end);

@@ -51,7 +51,7 @@ impl Run {
         // every preset is a chain of the paper
         let mut config = PRESETS[0].config();
         config.name = Some(name.to_owned());
-        config.chain.alpha = alpha;
+        config.chain.alpha = Some(alpha);
         config.chain.beads = beads;
         config.chain.impurities.clear();
         config.time.duration_s = duration_s;
@@ -68,12 +68,12 @@ impl Run {
     /// Until the shock has come to `bead`, by the speed of a continuum wave of half the striker's velocity; near
     /// α = 1 the speed hardly depends on that.
     fn until_bead(mut self, bead: u64) -> Self {
-        let alpha = self.config.chain.alpha;
-        let (chain, striker) = (&self.config.chain, *self.config.striker);
+        // a chain of the paper has them
+        let Ok([mass_kg, alpha, stiffness]) = self.config.chain.scales() else { return self };
         let coefficient = (2.0 / (alpha + 1.0)).powf(1.0 / (alpha + 1.0));
-        let stiffness = (chain.stiffness / chain.bead_mass_kg).powf(1.0 / (alpha + 1.0));
+        let stiffness = (stiffness / mass_kg).powf(1.0 / (alpha + 1.0));
         let speed =
-            coefficient * stiffness * (0.5 * striker.velocity_m_s).powf((alpha - 1.0) / (alpha + 1.0));
+            coefficient * stiffness * (0.5 * self.config.striker.velocity_m_s).powf((alpha - 1.0) / (alpha + 1.0));
         self.config.time.duration_s = bead as f64 / speed;
         self
     }

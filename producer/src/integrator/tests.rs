@@ -33,7 +33,7 @@ fn archs() -> Vec<Arch> {
 /// A chain of a kind.
 fn config_of(beads: u64, method: Method, alpha: f64, kind: fn(&mut RunConfig)) -> RunConfig {
     let mut config = PRESETS[0].config();
-    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, alpha, method);
+    (config.chain.beads, config.chain.alpha, config.integrator.method) = (beads, Some(alpha), method);
     config.chain.impurities.clear();
     kind(&mut config);
     config
@@ -77,7 +77,7 @@ fn skipping_and_vectors_change_no_bit() {
         for alpha in [1.0, 1.01, 1.3, 1.5, 2.0, 2.5, 3.0, 10.0] {
             for (name, variant) in variants(method) {
                 let physics = physics(|c| {
-                    c.chain.alpha = alpha;
+                    c.chain.alpha = Some(alpha);
                     c.integrator.method = method;
                     c.time.duration_s = 1.0;
                     variant(c);
@@ -114,7 +114,7 @@ fn assert_rests_outside(integrator: &Integrator, state: &ChainState) {
 /// Chains of every kind that a configuration can ask for.
 fn kinds() -> Vec<Variant> {
     fn bonds(c: &mut RunConfig, laws: &[(TermLaw, f64)]) {
-        (c.chain.alpha, c.chain.bonds) = (1.0, Some(laws.iter().cloned().collect()));
+        (c.chain.alpha, c.chain.bonds) = (Some(1.0), Some(laws.iter().cloned().collect()));
         (c.ends.left, c.ends.right) = (End::Periodic, End::Periodic);
     }
     vec![

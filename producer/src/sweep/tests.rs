@@ -67,7 +67,7 @@ fn cases_times_grid_with_the_last_key_fastest() {
     );
     for (index, (mass_kg, alpha)) in [(1e-3, 1.5), (1e-3, 2.0), (1.5e-3, 1.5)].into_iter().enumerate() {
         let chain = config(&sweep, index as u64).chain;
-        assert_eq!((chain.impurities[0].mass_kg, chain.alpha), (mass_kg, alpha));
+        assert_eq!((chain.impurities[0].mass_kg, chain.alpha), (mass_kg, Some(alpha)));
         assert_eq!((chain.impurities[0].bead, chain.beads), (20, 40));
     }
     let (first, last) = (sweep.point(0).expect("first"), sweep.point(11).expect("last"));
@@ -228,7 +228,7 @@ fn mistakes_in_the_file_of_the_base_are_located_there() {
     // and are no mistakes where the sweep sets the value
     let sweep = read(&text.replace("\"time.duration_s\" = [1e-3, 2e-3]", "chain.alpha = [2, 3]"));
     let point = sweep.expect("valid").point(1).expect("point");
-    assert_eq!((point.config.chain.alpha, point.config.stream.publish_every_steps), (3.0, 2));
+    assert_eq!((point.config.chain.alpha, point.config.stream.publish_every_steps), (Some(3.0), 2));
 }
 
 #[test]
@@ -254,7 +254,7 @@ fn many_points_are_begun_at_once() {
     let sweep = read(&seeds(text)).expect("valid");
     assert_eq!(sweep.point_count(), MAX_POINTS);
     let last = sweep.point(MAX_POINTS - 1).expect("possible");
-    assert_eq!((last.config.seed, last.config.chain.alpha, last.config.time.dt_s), (2504, 2.0, Some(1e-7)));
+    assert_eq!((last.config.seed, last.config.chain.alpha, last.config.time.dt_s), (2504, Some(2.0), Some(1e-7)));
     refuses(&seeds(&text.replace("2.0]", "0.5]")), 7, &["chain.alpha", "0.5"]);
     refuses(&seeds(&text.replace("dt_s\" = 1e-7", "dt_s\" = 1.0")), 11, &["time.dt_s"]);
     let alike = text.replace("disorder = [{ of = \"masses\", uniform = 0.1 }]\n", "");

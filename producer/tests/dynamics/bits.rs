@@ -24,7 +24,7 @@ fn hash_of_run(physics: &Physics) -> u64 {
 fn physics(method: Method, alpha: f64) -> Physics {
     let mut config = PRESETS[0].config();
     config.chain.beads = 60;
-    config.chain.alpha = alpha;
+    config.chain.alpha = Some(alpha);
     config.chain.impurities[0].bead = 20;
     let heavy = schemas::config::Impurity { bead: 40, mass_kg: 3e-3 };
     config.chain.impurities.push(heavy);

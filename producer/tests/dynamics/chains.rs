@@ -29,7 +29,7 @@ pub(crate) fn physics(
 /// The configuration of that chain, without a time step.
 pub(crate) fn config(beads: u64, alpha: f64) -> RunConfig {
     let mut config = Preset::find("homogeneous").unwrap().config();
-    (config.chain.beads, config.chain.alpha) = (beads, alpha);
+    (config.chain.beads, config.chain.alpha) = (beads, Some(alpha));
     config
 }
 

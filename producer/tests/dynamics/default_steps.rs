@@ -11,7 +11,7 @@ fn error(preset: &Preset, method: Method, alpha: f64) -> f64 {
     let mut config = preset.config();
     let hertz = Physics::resolve(&config).unwrap();
     let collision_times = (config.time.duration_s / hertz.scales().time_s).min(220.0);
-    config.chain.alpha = alpha;
+    config.chain.alpha = Some(alpha);
     config.chain.beads = config.chain.beads.min(200);
     for impurity in &mut config.chain.impurities {
         impurity.bead = impurity.bead.min(100);

@@ -18,8 +18,8 @@ fn impurity(config: &mut RunConfig, bead: u64, ratio: f64) {
 
 /// A load (N) under which contacts overlap by `ratio` L.
 fn load_n(config: &RunConfig, ratio: f64) -> f64 {
-    let length_m = (1e-3 * 25.0 / 1e7_f64).powf(1.0 / (config.chain.alpha + 1.0));
-    1e7 * (ratio * length_m).powf(config.chain.alpha)
+    let length_m = (1e-3 * 25.0 / 1e7_f64).powf(1.0 / (config.chain.alpha.unwrap() + 1.0));
+    1e7 * (ratio * length_m).powf(config.chain.alpha.unwrap())
 }
 
 fn wall_both(config: &mut RunConfig) {

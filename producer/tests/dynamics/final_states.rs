@@ -30,8 +30,8 @@ impl Case<'_> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number")]
         let steps = steps as u64;
         physics(row.count("beads"), row.number("alpha"), fraction, steps, |config| {
-            config.chain.bead_mass_kg = row.number("bead_mass_kg");
-            config.chain.stiffness = row.number("stiffness");
+            config.chain.bead_mass_kg = Some(row.number("bead_mass_kg"));
+            config.chain.stiffness = Some(row.number("stiffness"));
             let written = row.text("impurities_kg").split_whitespace();
             config.chain.impurities = written
                 .map(|impurity| impurity.split_once('=').unwrap())

@@ -31,7 +31,7 @@ impl Column {
         let mut config = config(beads, alpha);
         config.ends.right = End::Fixed;
         config.load.gravity_m_s2 = GRAVITY_M_S2;
-        let (mass_kg, stiffness) = (config.chain.bead_mass_kg, config.chain.stiffness);
+        let (mass_kg, stiffness) = (config.chain.bead_mass_kg.unwrap(), config.chain.stiffness.unwrap());
         let rest_m = |depth: u64| (depth as f64 * mass_kg * GRAVITY_M_S2 / stiffness).powf(1.0 / alpha);
         let speed = |depth: u64| (alpha * stiffness * rest_m(depth).powf(alpha - 1.0) / mass_kg).sqrt();
         // overlaps change by 1e-5 of themselves

@@ -58,10 +58,10 @@ fn naive_step(physics: &Physics, chain: &Chain, stages: &[f64], state: &mut Chai
 
 /// A load (N) under which contacts overlap by `ratio` L.
 fn load_of(config: &RunConfig, ratio: f64) -> f64 {
-    let (chain, speed) = (&config.chain, config.striker.velocity_m_s.abs());
-    let ratio_m =
-        (chain.bead_mass_kg * speed * speed / chain.stiffness).powf(1.0 / (chain.alpha + 1.0)) * ratio;
-    chain.stiffness * ratio_m.powf(chain.alpha)
+    let [mass_kg, alpha, stiffness] = config.chain.scales().expect("scales");
+    let speed = config.striker.velocity_m_s.abs();
+    let ratio_m = (mass_kg * speed * speed / stiffness).powf(1.0 / (alpha + 1.0)) * ratio;
+    stiffness * ratio_m.powf(alpha)
 }
 
 type Change = fn(&mut RunConfig);
@@ -76,19 +76,19 @@ const LOADS: [(&str, Change); 6] = [
     ("pressed at free ends", |c| c.load.precompression_n = load_of(c, 0.2)),
     ("hanging from the left", |c| {
         c.ends.left = End::Fixed;
-        c.load.gravity_m_s2 = load_of(c, 0.05) / -c.chain.bead_mass_kg;
+        c.load.gravity_m_s2 = load_of(c, 0.05) / -c.chain.bead_mass_kg.unwrap();
     }),
     ("standing on the right", |c| {
-        (c.ends.right, c.ends.right_stiffness) = (End::Fixed, Some(3.0 * c.chain.stiffness));
-        c.load.gravity_m_s2 = load_of(c, 0.05) / c.chain.bead_mass_kg;
+        (c.ends.right, c.ends.right_stiffness) = (End::Fixed, Some(3.0 * c.chain.stiffness.unwrap()));
+        c.load.gravity_m_s2 = load_of(c, 0.05) / c.chain.bead_mass_kg.unwrap();
         c.load.precompression_n = load_of(c, 0.01);
     }),
     ("uneven", |c| {
         (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
-        c.load.gravity_m_s2 = load_of(c, 0.05) / c.chain.bead_mass_kg;
-        let mass_kg = c.chain.bead_mass_kg;
+        c.load.gravity_m_s2 = load_of(c, 0.05) / c.chain.bead_mass_kg.unwrap();
+        let mass_kg = c.chain.bead_mass_kg.unwrap();
         c.chain.masses = MassRule::PatternKg(vec![mass_kg, 0.4 * mass_kg, 2.0 * mass_kg]);
-        c.chain.contacts = vec![OddContact { contact: 5, stiffness: 0.1 * c.chain.stiffness }];
+        c.chain.contacts = vec![OddContact { contact: 5, stiffness: 0.1 * c.chain.stiffness.unwrap() }];
     }),
 ];
 
@@ -293,8 +293,8 @@ fn a_loaded_chain_at_rest_has_a_default_time_step() {
         config.load.precompression_n = 2.0;
         config.striker.velocity_m_s = 0.0;
         let physics = Physics::resolve(&config).unwrap();
-        let overlap_m = (2.0 / config.chain.stiffness).powf(1.0 / alpha);
-        let time_s = (1e-3 / (config.chain.stiffness * overlap_m.powf(alpha - 1.0))).sqrt();
+        let overlap_m = (2.0 / config.chain.stiffness.unwrap()).powf(1.0 / alpha);
+        let time_s = (1e-3 / (config.chain.stiffness.unwrap() * overlap_m.powf(alpha - 1.0))).sqrt();
         let expected = Method::Rkn4.default_step_fraction(alpha) * time_s * (5.0 / alpha).min(1.0);
         // as nearly as divides the duration
         let nearly = 0.5 / physics.step_count as f64 + 1e-12;

@@ -113,9 +113,9 @@ fn methods_have_their_order_on_a_precompressed_chain() {
 fn rk5_has_its_order_with_damping() {
     let errors = |steps: u64| {
         let dashpot = |config: &mut RunConfig| {
-            let omega = (2.0 * config.chain.stiffness / config.chain.bead_mass_kg).sqrt();
+            let omega = (2.0 * config.chain.stiffness.unwrap() / config.chain.bead_mass_kg.unwrap()).sqrt();
             config.integrator.method = Method::Rk5;
-            config.damping = Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg));
+            config.damping = Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg.unwrap()));
         };
         let physics = physics(2, 1.0, 1.2 / steps as f64, steps, dashpot);
         let omega = (2.0 * physics.stiffness / physics.bead_mass_kg).sqrt();

@@ -24,18 +24,18 @@ fn chain(change: impl FnOnce(&mut RunConfig)) -> Physics {
 
 fn chains() -> [Physics; 4] {
     [
-        chain(|c| (c.chain.alpha, c.integrator.method) = (1.3, Method::Rkn4)),
+        chain(|c| (c.chain.alpha, c.integrator.method) = (Some(1.3), Method::Rkn4)),
         chain(|c| {
             c.integrator.method = Method::VelocityVerlet;
             (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
             (c.load.precompression_n, c.load.gravity_m_s2) = (20.0, 9.81);
         }),
         chain(|c| {
-            (c.chain.alpha, c.integrator.method) = (2.2, Method::Gear5);
+            (c.chain.alpha, c.integrator.method) = (Some(2.2), Method::Gear5);
             (c.ends.right, c.load.precompression_n) = (End::Fixed, 5.0);
         }),
         chain(|c| {
-            (c.chain.alpha, c.integrator.method) = (2.2, Method::Rk5);
+            (c.chain.alpha, c.integrator.method) = (Some(2.2), Method::Rk5);
             c.damping = Some(DampingConfig::Restitution(0.8));
             (c.ends.right, c.load.precompression_n) = (End::Fixed, 5.0);
         }),

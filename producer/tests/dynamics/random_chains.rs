@@ -146,13 +146,14 @@ pub(crate) fn chain(random: &mut Random, kind: Kind, method: Method) -> RunConfi
         let fewest = if matches!(kind, Kind::Ring | Kind::Alphas) { 3.0 } else { 2.0 };
         config.chain.beads = whole(random.ratio(fewest, most_beads as f64));
     }
-    config.chain.alpha = if random.happens(0.4) {
+    let alpha = if random.happens(0.4) {
         1.5
     } else if random.happens(0.5) {
         random.among(&[1.1, 1.2, 1.3, 1.4, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0])
     } else {
         random.ratio(1.1, 5.0)
     };
+    config.chain.alpha = Some(alpha);
     masses(random, &mut config);
     stiffnesses(random, &mut config);
     let last = config.chain.beads - 1;
@@ -160,7 +161,7 @@ pub(crate) fn chain(random: &mut Random, kind: Kind, method: Method) -> RunConfi
     if config.striker.bead == last || (config.striker.bead > 0 && random.happens(0.5)) {
         config.striker.velocity_m_s = -5.0;
     }
-    let length_m = (1e-3 * 25.0 / 1e7_f64).powf(1.0 / (config.chain.alpha + 1.0));
+    let length_m = (1e-3 * 25.0 / 1e7_f64).powf(1.0 / (alpha + 1.0));
     let time_s = length_m / 5.0;
     ends(random, &mut config, kind);
     match kind {
@@ -207,7 +208,7 @@ fn stiffnesses(random: &mut Random, config: &mut RunConfig) {
     let chain = &mut config.chain;
     chain.stiffnesses = match random.below(8) {
         0 => StiffnessRule::Pattern((0..2).map(|_| random.ratio(1e6, 3e7)).collect()),
-        1 if chain.alpha == 1.5 => StiffnessRule::Radii,
+        1 if chain.alpha == Some(1.5) => StiffnessRule::Radii,
         _ => StiffnessRule::Uniform,
     };
     if random.happens(0.1) {
@@ -235,7 +236,7 @@ fn ends(random: &mut Random, config: &mut RunConfig, kind: Kind) {
 
 /// Overlaps at rest of 0.001 to 30 L, from weight or pressure.
 fn load(random: &mut Random, config: &mut RunConfig, length_m: f64) {
-    let load_n = |overlap: f64| 1e7 * (overlap * length_m).powf(config.chain.alpha);
+    let load_n = |overlap: f64| 1e7 * (overlap * length_m).powf(config.chain.alpha.unwrap());
     let is_pressed = random.happens(0.5);
     if is_pressed {
         config.load.precompression_n = load_n(random.ratio(1e-3, 30.0));
@@ -265,7 +266,7 @@ pub(crate) fn promise(config: &RunConfig) -> f64 {
         (Some(DampingConfig::ViscousNSPerM(_)), _) => 1e-3,
         (Some(DampingConfig::Restitution(_)), _) => 2e-4,
         (None, Method::VelocityVerlet) => 1e-5,
-        (None, Method::Rkn4) if is_of_the_paper && chain.alpha > 1.3 && chain.alpha < 2.0 => 5e-7,
+        (None, Method::Rkn4) if is_of_the_paper && chain.alpha > Some(1.3) && chain.alpha < Some(2.0) => 5e-7,
         (None, Method::Rkn4 | Method::Gear5) => 1e-7,
         (None, Method::Rk5) => 5e-7,
         (Some(DampingConfig::KuwabaraKonoS(_) | DampingConfig::Power(_)), _) => 1e-4,

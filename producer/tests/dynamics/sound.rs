@@ -14,9 +14,9 @@ const REST_M: f64 = 2e-4;
 /// A pressed chain of exponent `alpha`, in which sound crosses `speed` beads a second, and that speed.
 fn pressed(beads: u64, alpha: f64) -> (RunConfig, f64) {
     let mut config = config(beads, alpha);
-    let chain = &config.chain;
-    config.load.precompression_n = chain.stiffness * REST_M.powf(alpha);
-    let speed = (alpha * chain.stiffness * REST_M.powf(alpha - 1.0) / chain.bead_mass_kg).sqrt();
+    let [mass_kg, _, stiffness] = config.chain.scales().expect("scales");
+    config.load.precompression_n = stiffness * REST_M.powf(alpha);
+    let speed = (alpha * stiffness * REST_M.powf(alpha - 1.0) / mass_kg).sqrt();
     config.striker.velocity_m_s = 0.0;
     (config, speed)
 }

@@ -70,7 +70,7 @@ impl Bonds {
 
     /// True if they do not hold as they are written, or only zeros would.
     pub(crate) fn let_go(&self) -> bool {
-        !self.hold() || self.scales()[2] == 0.0
+        !self.hold() || self.scales()[2] == Some(0.0)
     }
 
     /// True if one of `contacts` bonds can be pulled over the edge of its potential.
@@ -88,15 +88,15 @@ impl Bonds {
 
     /// No mass, and the exponent and the stiffness of the scales: those of a law with a slope at rest, or else of the power that holds all
     /// pulls.
-    pub(crate) fn scales(&self) -> [f64; 3] {
+    pub(crate) fn scales(&self) -> [Option<f64>; 3] {
         let acting = |is: fn(&BondForm) -> bool| {
             self.laws().find(|bond| is(bond.form) && bond.stiffness.largest() > 0.0)
         };
         let holds_all = |form: &BondForm| form.holds == Holds::All;
         let found = acting(|form| form.is_slope).or_else(|| acting(holds_all));
-        found.or_else(|| self.laws().next()).map_or([f64::NAN; 3], |bond| {
+        found.or_else(|| self.laws().next()).map_or([None; 3], |bond| {
             let alpha = if holds_all(bond.form) { bond.law.named().1 } else { 1.0 };
-            [f64::NAN, alpha, bond.stiffness.largest()]
+            [None, Some(alpha), Some(bond.stiffness.largest())]
         })
     }
 

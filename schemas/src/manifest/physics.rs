@@ -132,6 +132,7 @@ impl Physics {
     /// With the key, the value and what is allowed.
     pub fn resolve(config: &RunConfig) -> Result<Self, ConfigError> {
         let chain = &config.chain;
+        let [bead_mass_kg, alpha, stiffness] = chain.scales()?;
         /// Keys that are the same in a manifest, and the others with their values.
         macro_rules! physics {
             (config: $($key:ident)+; chain: $($of_chain:ident)+; $($name:ident: $value:expr),+) => {
@@ -144,7 +145,10 @@ impl Physics {
         }
         let mut physics = physics! {
             config: seed disorder ends load on_site resonators initial;
-            chain: beads bead_mass_kg alpha stiffness masses stiffnesses impurities contacts spheres odd_spheres alphas second gaps_m bonds;
+            chain: beads masses stiffnesses impurities contacts spheres odd_spheres alphas second gaps_m bonds;
+            bead_mass_kg: bead_mass_kg,
+            alpha: alpha,
+            stiffness: stiffness,
             kernel_version: KERNEL_VERSION,
             damping: config.damping.map(Damping::resolve).transpose()?,
             striker: without_sign(*config.striker),

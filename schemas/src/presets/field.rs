@@ -47,7 +47,7 @@ fn sparse(config: &mut RunConfig, steps: u64) {
 fn bonded(config: &mut RunConfig, laws: &[(TermLaw, f64)]) {
     still(config);
     config.chain.bonds = Some(laws.iter().cloned().collect());
-    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), None, None);
 }
 
 pub(super) fn band_gap(config: &mut RunConfig) {
@@ -61,7 +61,7 @@ pub(super) fn band_gap(config: &mut RunConfig) {
 pub(super) fn steel_spheres(config: &mut RunConfig) {
     let steel = Material { density_kg_m3: 7780.0, young_pa: 203e9, poisson: 0.3 };
     let sphere = Sphere { radius_m: 4e-3, material: steel };
-    (config.chain.bead_mass_kg, config.chain.stiffness) = (sphere.mass_kg(), sphere.stiffness_with(&sphere));
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (None, None, None);
     config.chain.spheres = Some(Spheres(vec![sphere]));
     config.striker.velocity_m_s = 1.0;
 }
@@ -89,7 +89,7 @@ pub(super) fn disordered(config: &mut RunConfig) {
         permuted: false,
     }];
     config.chain.bonds = Some([(TermLaw::Spring(Spring(1)), 1e5)].into_iter().collect());
-    (config.chain.alpha, config.chain.stiffness) = (1.0, 1e5);
+    (config.chain.alpha, config.chain.stiffness) = (None, None);
     config.striker = StrikerConfig { bead: 200, velocity_m_s: 1.0 }.into();
     sparse(config, 10);
 }

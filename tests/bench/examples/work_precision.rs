@@ -44,7 +44,7 @@ fn chain(alpha: f64, method: Method) -> Result<RunConfig> {
     let mut config = Preset::find("homogeneous").context("a preset")?.config();
     config.chain.beads = 40;
     config.chain.impurities = vec![Impurity { bead: 20, mass_kg: 0.6e-3 }];
-    config.chain.alpha = alpha;
+    config.chain.alpha = Some(alpha);
     config.integrator.method = method;
     Ok(config)
 }
@@ -157,7 +157,7 @@ fn defaults() -> Result<()> {
                 let mut config = preset.config();
                 let duration_t = config.time.duration_s / Physics::resolve(&config)?.scales().time_s;
                 config.integrator.method = method;
-                config.chain.alpha = alpha;
+                config.chain.alpha = Some(alpha);
                 config.chain.beads = config.chain.beads.min(200);
                 config
                     .chain
@@ -180,7 +180,7 @@ fn times() -> Result<()> {
         let mut first = None;
         for method in Method::ALL {
             let mut config = PRESETS[0].config();
-            config.chain.alpha = alpha;
+            config.chain.alpha = Some(alpha);
             config.integrator.method = method;
             let physics = in_collision_times(config, 1e4, 0.02)?;
             let (mut state, mut integrator) = (ChainState::initial(&physics), Integrator::new(&physics));

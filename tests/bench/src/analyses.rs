@@ -55,7 +55,7 @@ fn modal(rounds: u32, report: &mut Report) -> Result<(), Error> {
         let mut config = PRESETS[0].config();
         config.chain.impurities.clear();
         (config.chain.beads, config.ends.left, config.ends.right) = (1024, end, end);
-        config.chain.alpha = 1.0;
+        config.chain.alpha = Some(1.0);
         config.chain.bonds = Some([(TermLaw::Spring(Spring(1)), 1e5)].into_iter().collect());
         let manifest = manifest(&config)?;
         let v_m_s: Vec<f64> = (0..1024).map(|i| 1e-3 * f64::from(i * i % 7)).collect();

@@ -72,7 +72,7 @@ mod tests {
             let mut config = PRESETS[0].config();
             config.chain.beads = 60;
             config.chain.impurities[0].bead = 30;
-            config.chain.alpha = alpha;
+            config.chain.alpha = Some(alpha);
             config.integrator.method = Method::VelocityVerlet;
             config.time.duration_s = 2e-3;
             let physics = Physics::resolve(&config).expect("valid");

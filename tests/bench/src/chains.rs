@@ -163,7 +163,7 @@ impl Kind {
     fn config(&self) -> RunConfig {
         let mut config = PRESETS[0].config();
         config.chain.impurities.clear();
-        (config.chain.beads, config.chain.alpha) = (self.beads, self.alpha);
+        (config.chain.beads, config.chain.alpha) = (self.beads, Some(self.alpha));
         config.integrator.method = Method::VelocityVerlet;
         let bent = |bend| vec![(TermLaw::Spring(Spring(1)), 1.0), (TermLaw::Spring(bend), 0.25)];
         let laws = match self.word {
@@ -176,7 +176,7 @@ impl Kind {
             config.load.precompression_n = 10.0;
             End::Fixed
         } else {
-            (config.chain.bead_mass_kg, config.chain.stiffness) = (1.0, 1.0);
+            (config.chain.bead_mass_kg, config.chain.stiffness) = (Some(1.0), Some(1.0));
             config.chain.bonds = Some(Bonds::from_iter(laws));
             config.time.dt_s = Some(0.05);
             config.time.duration_s = 1e6;

@@ -126,7 +126,7 @@ pub(super) fn rows(bench: &Bench, report: &mut Report) -> Result<(), Error> {
     report.row(run.against_plain("velocity-Verlet step, no output", Arch::new(), 12.3, rounds)?)?;
     let closed = |method: Method, alpha: f64| {
         let mut config = light_impurity();
-        (config.integrator.method, config.chain.alpha) = (method, alpha);
+        (config.integrator.method, config.chain.alpha) = (method, Some(alpha));
         Moments::all_closed(&config, STEPS)
     };
     let general = closed(Method::VelocityVerlet, 1.3)?;

@@ -15,7 +15,7 @@ fn roundings_are_as_large_as_a_check_says_to_a_factor() {
             let stream = 200 + u32::try_from(number).expect("few runs");
             let mut random = Random { seed: 1, stream, index: 0 };
             let mut config = drawn(kind, &mut random);
-            config.chain.alpha = [1.5, 2.0, 3.0][number % 3];
+            config.chain.alpha = Some([1.5, 2.0, 3.0][number % 3]);
             config.integrator.method = [Method::Rkn4, Method::VelocityVerlet][number / kinds.len() % 2];
             let origin = Origin { program: String::new(), host: String::new(), started_unix_ns: 0 };
             let manifest = RunManifest::new(&config, "run", origin).expect("valid");

@@ -10,14 +10,14 @@ type Number = (&'static str, fn(&mut RunConfig, f64));
 fn numbers() -> Vec<Number> {
     vec![
         ("the first velocity", |c, factor| c.striker.velocity_m_s *= factor),
-        ("the masses", |c, factor| c.chain.bead_mass_kg *= factor),
+        ("the masses", |c, factor| c.chain.bead_mass_kg.iter_mut().for_each(|x| *x *= factor)),
         ("the mass of an impurity", |c, factor| {
             let bead = 1;
-            let mass_kg = 2.0 * c.chain.bead_mass_kg * factor;
+            let mass_kg = 2.0 * c.chain.bead_mass_kg.unwrap() * factor;
             c.chain.impurities = vec![Impurity { bead, mass_kg }];
         }),
-        ("the stiffness", |c, factor| c.chain.stiffness *= factor),
-        ("the exponent", |c, factor| c.chain.alpha *= factor),
+        ("the stiffness", |c, factor| c.chain.stiffness.iter_mut().for_each(|x| *x *= factor)),
+        ("the exponent", |c, factor| c.chain.alpha.iter_mut().for_each(|x| *x *= factor)),
         ("the load", |c, factor| c.load.precompression_n *= factor),
         ("the drag", |c, factor| {
             if let Some(Profile::Same(drag)) = &mut c.on_site.drag_n_s_per_m {
@@ -112,11 +112,11 @@ fn derivatives_are_those_of_another_program() {
         let by: [Number; 3] = [
             ("v0", |c, factor| c.striker.velocity_m_s *= factor),
             ("m", |c, factor| c.chain.impurities[0].mass_kg *= factor),
-            ("alpha", |c, factor| c.chain.alpha *= factor),
+            ("alpha", |c, factor| c.chain.alpha.iter_mut().for_each(|x| *x *= factor)),
         ];
         for ((name, change), value) in by.into_iter().zip([1.0, mass_kg, 1.5]) {
             let mut config = config_of(20, Method::Rkn4, 1.5, |_| {});
-            (config.chain.bead_mass_kg, config.chain.stiffness) = (1.0, 1.0);
+            (config.chain.bead_mass_kg, config.chain.stiffness) = (Some(1.0), Some(1.0));
             config.chain.impurities = vec![Impurity { bead: 10, mass_kg }];
             (config.striker.velocity_m_s, config.striker.bead) = (1.0, 0);
             config.time.duration_s = until as f64;

@@ -423,7 +423,7 @@ fn reference(case: &str) -> (RunConfig, Vec<f64>, Vec<f64>) {
     let beads = if case.starts_with("A1-ring") { 32 } else { 16 };
     let mut config = PRESETS[0].config();
     config.chain.impurities.clear();
-    (config.chain.beads, config.chain.bead_mass_kg, config.chain.stiffness) = (beads, 1.0, 1.0);
+    (config.chain.beads, config.chain.bead_mass_kg, config.chain.stiffness) = (beads, Some(1.0), Some(1.0));
     config.integrator.method = Method::Rkn4;
     config.striker.velocity_m_s = 1.0;
     let is_bonded = case.starts_with("A1");

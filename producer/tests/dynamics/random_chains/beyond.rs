@@ -13,7 +13,7 @@ use schemas::term::{Spring, TermLaw, Toda};
 /// Makes the chain `config`, whose collisions have the length `length_m` and take `time_s`, one of `kind`. Small chains are as likely as large ones.
 pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64, time_s: f64) {
     let last = config.chain.beads - 1;
-    let tangent = 1.5e7 * length_m.powf(config.chain.alpha - 1.0);
+    let tangent = 1.5e7 * length_m.powf(config.chain.alpha.unwrap() - 1.0);
     match kind {
         Kind::Disorder => disorder(random, config),
         Kind::Spheres => spheres(random, config),
@@ -21,16 +21,16 @@ pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, le
         Kind::Alphas => {
             // equally stiff at an overlap of L, or nearly so
             plain(config);
-            let alphas = [config.chain.alpha, random.ratio(1.2, 4.0)];
+            let alphas = [config.chain.alpha.unwrap(), random.ratio(1.2, 4.0)];
             let stiffness =
-                alphas.map(|alpha| random.ratio(0.2, 5.0) * 1e7 * length_m.powf(config.chain.alpha - alpha));
+                alphas.map(|alpha| random.ratio(0.2, 5.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha));
             config.chain.alphas = Some(Profile::Pattern(alphas.to_vec()));
             config.chain.stiffnesses = StiffnessRule::Pattern(stiffness.to_vec());
         }
         Kind::Second => {
             plain(config);
             let alpha = random.ratio(1.2, 4.0);
-            let stiffness = random.ratio(0.01, 10.0) * 1e7 * length_m.powf(config.chain.alpha - alpha);
+            let stiffness = random.ratio(0.01, 10.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha);
             config.chain.second = Some(SecondPower { alpha, stiffness: Profile::Same(stiffness) });
         }
         Kind::Ring => {
@@ -112,7 +112,7 @@ fn spheres(random: &mut Random, config: &mut RunConfig) {
     plain(config);
     config.chain.masses = MassRule::Uniform;
     config.chain.impurities.clear();
-    config.chain.alpha = 1.5;
+    config.chain.alpha = Some(1.5);
     let steel = Material { density_kg_m3: 7780.0, young_pa: 203e9, poisson: 0.3 };
     let soft = Material { density_kg_m3: 2150.0, young_pa: 1.46e9, poisson: 0.46 };
     let mut sphere = || Sphere {
@@ -122,7 +122,7 @@ fn spheres(random: &mut Random, config: &mut RunConfig) {
     let pattern: Vec<Sphere> = (0..2).map(|_| sphere()).collect();
     let first = random.happens(0.3).then(|| vec![pattern[0]]);
     let spheres = Spheres(first.unwrap_or(pattern));
-    [config.chain.bead_mass_kg, _, config.chain.stiffness] = spheres.scales().unwrap();
+    (config.chain.bead_mass_kg, config.chain.stiffness) = (None, None);
     config.chain.spheres = Some(spheres);
     config.striker.velocity_m_s = config.striker.velocity_m_s.signum() * random.ratio(0.01, 5.0);
     ends(random, config);
@@ -137,7 +137,7 @@ fn bonds(random: &mut Random, config: &mut RunConfig, kind: Kind) {
         let bead = random.below(config.chain.beads);
         config.chain.impurities = vec![schemas::config::Impurity { bead, mass_kg: random.ratio(0.05, 5.0) }];
     }
-    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 1.0, 1.0);
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(1.0), Some(1.0));
     let speed_m_s = random.ratio(0.01, 2.0);
     config.striker = StrikerConfig { bead: config.striker.bead, velocity_m_s: speed_m_s }.into();
     let spring = |n: u8, stiffness: f64| (TermLaw::Spring(Spring(n)), stiffness);
@@ -183,7 +183,7 @@ fn driven(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64
     ends(random, config);
     let is_loaded = random.happens(0.5);
     if is_loaded {
-        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha);
+        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
     }
     let period_s = time_s * random.ratio(2.0, 50.0);
     let (at, prescribes, amplitude) = match kind {
@@ -197,7 +197,7 @@ fn driven(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64
         }
         _ => {
             let bead = random.below(config.chain.beads);
-            let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha);
+            let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha.unwrap());
             (Place::Bead(bead), Quantity::Force, force_n)
         }
     };
@@ -224,7 +224,7 @@ fn jumping(random: &mut Random, config: &mut RunConfig, length_m: f64, time_s: f
     config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
     ends(random, config);
     if random.happens(0.5) {
-        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha);
+        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
     }
     let mut time = 0.0;
     let mut later_s = || {
@@ -232,7 +232,7 @@ fn jumping(random: &mut Random, config: &mut RunConfig, length_m: f64, time_s: f
         time
     };
     let times_s = vec![0.0, later_s(), later_s(), later_s(), 1e3];
-    let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha);
+    let force_n = 1e7 * (length_m * random.ratio(0.01, 1.0)).powf(config.chain.alpha.unwrap());
     let speed_m_s = 5.0 * random.ratio(0.01, 1.0);
     let bead = Place::Bead(random.below(config.chain.beads));
     let (at_s, interpolation) = (times_s[1], Interpolation::Linear);

@@ -347,7 +347,7 @@ mod tests {
     fn chain(change: impl FnOnce(&mut RunConfig)) -> Chain {
         let mut config = Preset::find("homogeneous").expect("preset").config();
         config.chain.beads = 4;
-        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 2.0, 2.0);
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(2.0), Some(2.0));
         config.striker.velocity_m_s = 1.0;
         config.time.duration_s = 10.0;
         change(&mut config);
@@ -400,7 +400,7 @@ mod tests {
     #[test]
     fn spheres_are_as_stiff_as_their_radii_say() {
         let chain = chain(|c| {
-            c.chain.alpha = 1.5;
+            c.chain.alpha = Some(1.5);
             c.chain.masses = MassRule::ListKg(vec![1.0, 1.0, 8.0, 8.0]);
             c.chain.stiffnesses = StiffnessRule::Radii;
             (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed);
@@ -463,7 +463,7 @@ mod tests {
     fn damping_depends_on_the_masses_that_meet() {
         let mut config = Preset::find("homogeneous").expect("preset").config();
         config.chain.beads = 2;
-        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (1.0, 2.0, 2.0);
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(2.0), Some(2.0));
         config.ends.right = End::Fixed;
         config.time.duration_s = 10.0;
         let physics = Physics::resolve(&config).expect("valid");

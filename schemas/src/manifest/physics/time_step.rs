@@ -448,6 +448,6 @@ mod tests {
         assert!(near(part_of_t(|c| c.ends.right = End::Fixed), 0.0075));
         assert!(near(part_of_t(|c| (c.ends.left, c.ends.right) = (End::Fixed, End::Fixed)), 0.00375));
         assert!(near(part_of_t(|c| c.chain.masses = MassRule::PatternKg(vec![1e-3, 2e-3])), 0.0075));
-        assert!(near(part_of_t(|c| (c.chain.alpha, c.ends.right) = (2.0, End::Fixed)), 0.02));
+        assert!(near(part_of_t(|c| (c.chain.alpha, c.ends.right) = (Some(2.0), End::Fixed)), 0.02));
     }
 }
