@@ -291,7 +291,8 @@ function tomlValue(value) {
       .map(([key, part]) => `${key} = ${tomlValue(part)}`)
       .join(", ")} }`;
   }
-  return JSON.stringify(value);
+  // in full digits these would be whole numbers of TOML, which end at 2^63
+  return typeof value === "number" && Math.abs(value) >= 2 ** 53 ? value.toExponential() : JSON.stringify(value);
 }
 
 /**

@@ -34,24 +34,45 @@ export function title(path) {
   return unit ? `${name} (${unit})` : name;
 }
 
+/** A comparison of a filter: name, sign, value. */
+const COMPARISON = /^(.+?)(<=|>=|!=|=|<|>)(.+)$/;
+
+/** The columns that a name in a filter stands for: that of this name, or all with it inside. @param {string} name @param {string[]} columns */
+function columnsOf(name, columns) {
+  return columns.includes(name) ? [name] : columns.filter((one) => one.includes(name));
+}
+
+/** Why comparisons of a filter choose nothing; "" if each is of one column. @param {string} filter @param {string[]} columns */
+export function unclear(filter, columns) {
+  const names = filter.split(/\s+/).flatMap((word) => COMPARISON.exec(word)?.[1] ?? []);
+  const name = names.find((one) => columnsOf(one, columns).length !== 1);
+  if (name === undefined) {
+    return "";
+  }
+  const found = columnsOf(name, columns);
+  const few = `${found.slice(0, 4).join(", ")}${found.length > 4 ? ", …" : ""}`;
+  return found.length > 0 ? `${name} is in the names of ${found.length} columns: write all of one (${few}).` : `No column has ${name} in its name.`;
+}
+
 /**
  * True if a filter asks for a run: the filter has words that the run's name or a value has, and comparisons such as
  * `alpha>=1.5`; all of them must hold.
  * @param {string} filter
  * @param {Compared} run
+ * @param {string[]} [columns] those of all runs
  */
-export function passes(filter, { traits, name }) {
+export function passes(filter, { traits, name }, columns = Object.keys(traits)) {
   return filter
     .split(/\s+/)
     .filter(Boolean)
     .every((word) => {
-      const asked = /^(.+?)(<=|>=|!=|=|<|>)(.+)$/.exec(word);
+      const asked = COMPARISON.exec(word);
       if (!asked) {
         return [name, ...Object.values(traits)].some((value) => `${value}`.toLowerCase().includes(word.toLowerCase()));
       }
       const [, column, sign, text] = asked;
-      const key = Object.keys(traits).find((one) => one === column) ?? Object.keys(traits).find((one) => one.includes(column));
-      const value = key === undefined ? undefined : traits[key];
+      const found = columnsOf(column, columns);
+      const value = found.length === 1 ? traits[found[0]] : undefined;
       const order = typeof value === "number" ? value - Number(text) : `${value}`.localeCompare(text);
       const isEqual = typeof value === "number" ? order === 0 : `${value}` === text;
       const holds = { "=": isEqual, "!=": !isEqual, "<": order < 0, ">": order > 0, "<=": order <= 0, ">=": order >= 0 };

@@ -98,7 +98,10 @@ export class Comparison {
         engine.close();
         return;
       }
-      this.difference = page.runOf(engine);
+      const difference = page.runOf(engine);
+      // a chain that is open has no contact that closes it
+      difference.lastPlace = (field) => Math.min(run.lastPlace(field), second.lastPlace(field));
+      this.difference = difference;
     }
     page.tabs.forget();
     page.board.invalidate();

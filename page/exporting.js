@@ -75,8 +75,8 @@ export function mapCsv({ rows, physics }) {
   }
   const { request, columns } = rows;
   const [first, last] = request.places;
-  const width = (last - first + 1) / columns;
-  const places = Array.from({ length: columns }, (_, column) => first + Math.ceil(column * width));
+  const count = last - first + 1;
+  const places = Array.from({ length: columns }, (_, column) => first + Math.ceil((column * count) / columns));
   /** @type {(string | number)[][]} */
   const lines = [["step", "time_s", ...places.map((place) => `${request.field}_${place}`)]];
   for (let i = 0; i < rows.count; i += 1) {

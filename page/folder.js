@@ -1,6 +1,6 @@
 // A folder of recordings, a sweep, live runs: a table with a picture of each, sorted by whatever differs.
 
-import { comparison, passes, title } from "./compare.js";
+import { comparison, passes, title, unclear } from "./compare.js";
 import { make } from "./elements.js";
 
 /** @typedef {import("./types.d.ts").Entry} Entry */
@@ -182,9 +182,10 @@ export function folderTable(entries, { keys, isDark, more }, onopen, paint) {
   });
   const look = () => {
     const all = rows.map((row) => ({ ...row, row, name: row.entry.name, open: () => onopen(row.entry) }));
-    const looked = all.filter((one) => passes(filter.value, one));
+    const looked = all.filter((one) => passes(filter.value, one, names));
     body.replaceChildren(...looked.slice(0, MOST_ROWS).map(({ row }) => lineOf(row)));
     const left = [
+      unclear(filter.value, names),
       looked.length > MOST_ROWS ? `${looked.length - MOST_ROWS} more rows: filter, or sort by another column.` : "",
       known.length > columns.length ? `${known.length - columns.length} more columns have no room here: a filter can name them.` : "",
       more > 0 ? `${more} more files are here, which are not listed: view a part of them by their names.` : "",

@@ -15,6 +15,7 @@ import { FIELD_LABELS, beadsOf, isOfContacts, mapScales, placeOfBead, placesOf, 
  * @typedef {object} Valuer
  * @property {(field: Field, state: State, places: [number, number], columns: number, into: any) => void} row
  * @property {(contact: number, overlap: number) => number} force
+ * @property {Chain} chain
  */
 /**
  * A state and its chain; a second one, of a changed chain, is dashed. Without `fields` there are no energy and no forces.
@@ -56,9 +57,9 @@ function valuesOf(state, field, [from, to], fields, isRing) {
 
 /**
  * The range of a curve: all of it, but for beads that have flown off, if without them the rest is seen better.
- * @param {Float64Array[]} curves @param {Field} field
+ * @param {Float64Array[]} curves @param {Field} field @param {Chain} chain
  */
-function rangeOf(curves, field) {
+function rangeOf(curves, field, { restForce, stiffness }) {
   const within = (/** @type {number} */ least, /** @type {number} */ most) => {
     let [low, high, beyond, farthest] = [Infinity, -Infinity, 0, 0];
     for (const values of curves) {
@@ -77,8 +78,8 @@ function rangeOf(curves, field) {
   };
   const all = within(-Number.MAX_VALUE, Number.MAX_VALUE);
   let shown = all;
-  if (field === "overlap" && all.high > 0) {
-    // a gap may be as wide as it likes: overlaps are to be seen beside it
+  if (field === "overlap" && all.high > 0 && stiffness?.some(Boolean) && !restForce?.some(Boolean)) {
+    // a gap, which bonds and loaded contacts need not have, may be as wide as it likes: overlaps are to be seen beside it
     shown = within(-3 * all.high, all.high);
   } else if (field === "displacement") {
     const some = curves.map((values) => values.filter((_, i) => i % Math.ceil(values.length / 2000) === 0));
@@ -146,16 +147,17 @@ export function drawProfile(surface, box, data, view, theme) {
   const plot = { ...inside, height: inside.height - (strip > 0 ? strip + 6 : 0) };
   /** @type {{ first: number, values: Float64Array, colour: string, dash: number[] }[]} */
   const curves = [];
-  const isRing = data.chain.ring !== undefined;
+  const [isRing, isSecondRing] = [data.chain, data.secondFields?.chain].map((chain) => chain?.ring !== undefined);
   if (state !== undefined) {
     curves.push({ ...valuesOf(state, field, view.places, data.fields, isRing), colour: theme.curves[0], dash: [] });
   }
   if (second !== undefined) {
-    curves.push({ ...valuesOf(second, field, view.places, data.secondFields, isRing), colour: theme.curves[1], dash: [6, 3] });
+    curves.push({ ...valuesOf(second, field, view.places, data.secondFields, isSecondRing), colour: theme.curves[1], dash: [6, 3] });
   }
   const { from, to, beyond, farthest } = rangeOf(
     curves.map(({ values }) => values),
     field,
+    data.chain,
   );
   const [name, unit] = FIELD_LABELS[field];
   leftAxis(surface, plot, { from, to, name, unit }, theme, { hasGrid: true });

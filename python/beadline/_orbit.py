@@ -158,7 +158,8 @@ class OrbitMap:
     @property
     def table(self) -> Table:
         """The points, of which those along the second key are neighbours: both keys, ``period_s``, ``energy_j``, ``amplitude_m``, ``largest_multiplier``,
-        ``unstable``, ``returns``, ``largest_angle_rad``, ``stability``. All but keys and stability are empty where no orbit was found."""
+        ``unstable``, ``returns``, ``largest_angle_rad``, ``stability``. All but keys and stability are empty where no orbit was found, and
+        the angle where no multiplier is outside of the unit circle."""
         return read_csv(self.path / "map.csv")
 
     def column(self, name: str) -> npt.NDArray[Any]:

@@ -103,6 +103,8 @@ def plot(
     array = _array(rec, field)
     if step is not None and time_s is not None:
         raise ValueError("found step and time_s; expected one of them")
+    # bonds push and pull
+    has_gaps = field == "overlap" and not rec.manifest["physics"].get("bonds")
     of_map = {"during_s": during_s, "every": every, "scale": scale}
     beside = [name for name, value in of_map.items() if value is not None]
     if beside and (step is not None or time_s is not None):
@@ -145,9 +147,9 @@ def plot(
             every=every,
             fewest=_FINE_ROWS,
         )
-        _draw_map(axes, drawn, field, array.unit, scale, limit)
+        _draw_map(axes, drawn, field, array.unit, scale, limit, has_gaps and not rec.rest_force_n.any())
     else:
-        _draw_profiles(axes, rec, states, field, array.unit, places, limit)
+        _draw_profiles(axes, rec, states, field, array.unit, places, limit, has_gaps)
     about = rec.name
     if states is not None and len(states) == 1:
         about = f"{rec.name}, {_at(states[0])} (step {states[0].step:,})"
@@ -186,14 +188,14 @@ def _prefix(largest: float, unit: str) -> tuple[str, float]:
 
 
 def _draw_map(
-    ax: Any, drawn: Map, field: str, unit: str, scale: Scale | None, limit: float | None
+    ax: Any, drawn: Map, field: str, unit: str, scale: Scale | None, limit: float | None, has_gaps: bool = False
 ) -> None:
     colors: Any = need("matplotlib.colors")
     ticker: Any = need("matplotlib.ticker")
     least, largest = drawn.extremes
     is_log = field != "displacement" if scale is None else scale == "log"
     if limit is None:
-        low, high = _bulk(field, drawn.values, is_log)
+        low, high = _bulk(field, drawn.values, is_log, has_gaps)
         # as far on the other side, if something is there
         end = max(high, -low)
         low, high = max(-end, least), min(end, largest) if largest > least else 1.0
@@ -283,12 +285,12 @@ def _decades(shades: Shades, low: float, high: float) -> list[float]:
     return kept
 
 
-def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, float]:
+def _bulk(field: str, values: Doubles, is_log: bool = False, has_gaps: bool = False) -> tuple[float, float]:
     """The values that are shown.
 
     All displacements but a fiftieth at either end, if they are linear and those are far away: the
     struck end flies off, and the rest would be flat beside it. No gap much wider than the largest
-    overlap.
+    overlap, where a negative number is a gap.
     """
     known = values[np.isfinite(values)]
     low, high = float(known.min()), float(known.max())
@@ -299,7 +301,7 @@ def _bulk(field: str, values: Doubles, is_log: bool = False) -> tuple[float, flo
         # a range that is next to nothing is the tail of a front
         if 1e9 * (near[1] - near[0]) > high - low > _FAR * (near[1] - near[0]):
             low, high = near
-    return (-high, high) if field == "overlap" and 0 < 1.2 * high < -low else (low, high)
+    return (-high, high) if has_gaps and 0 < 1.2 * high < -low else (low, high)
 
 
 def _at(state: State) -> str:
@@ -314,12 +316,13 @@ def _draw_profiles(
     unit: str,
     places: range,
     limit: float | None,
+    has_gaps: bool,
 ) -> None:
     curves = [
         np.asarray(getattr(state, _STATE_NAMES[field]))[places.start : places.stop]
         for state in states
     ]
-    low, high = _bulk(field, np.asarray(curves))
+    low, high = _bulk(field, np.asarray(curves), has_gaps=has_gaps)
     unit, factor = _prefix(max(abs(low), abs(high)), unit)
     mark = "o" if len(places) <= _MOST_DISCS else ""
     for state, values, colour in zip(states, curves, _CURVES * len(states), strict=False):

@@ -40,6 +40,9 @@ _TOLD_S, _ABSURD_S = 60.0, 365 * 86400.0
 # part by which numbers of runs differ between which derivatives are found
 _PART = 1e-5
 
+# lists of tables, which may be empty
+_LISTS = ("impurities", "contacts", "odd_spheres", "disorder", "striker", "drive", "bath")
+
 
 class Run:
     """A run: a chain, its strikers and drives, and a duration.
@@ -695,7 +698,7 @@ def preset(name: str) -> Run:
 
 
 def _toml(config: Mapping[str, Any]) -> str:
-    """A configuration as text; None and empty values are left out."""
+    """A configuration as text; None, empty tables and empty lists of tables are left out."""
     config = in_si("", config)
     plain = {key: value for key, value in config.items() if not isinstance(value, Mapping)}
     lines = _lines(plain)
@@ -706,11 +709,12 @@ def _toml(config: Mapping[str, Any]) -> str:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_value(value, key)}" for key, value in table.items() if not _is_nothing(value)]
+    return [f"{_key(key)} = {_value(value, key)}" for key, value in table.items() if not _is_nothing(key, value)]
 
 
-def _is_nothing(value: Any) -> bool:
-    return value is None or getattr(value, "size", 1) == 0 or (isinstance(value, list | tuple) and len(value) == 0)
+def _is_nothing(key: str, value: Any) -> bool:
+    is_empty = getattr(value, "size", 1) == 0 or (isinstance(value, list | tuple) and len(value) == 0)
+    return value is None or (key in _LISTS and is_empty)
 
 
 def _key(key: str) -> str:

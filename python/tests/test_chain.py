@@ -31,6 +31,14 @@ def test_several_beads_strike() -> None:
         bl.Run(BEADS, duration_s=1e-3)
 
 
+@pytest.mark.parametrize("initial", [([], []), {"velocities_m_s": []}, {"displacements_m": np.array([])}])
+def test_an_empty_list_is_no_state_at_rest(initial: Any) -> None:
+    with pytest.raises(bl.ConfigError, match=r"initial\.\w+: found \[\]; allowed: a value for each bead"):
+        bl.Run(BEADS, strikers={0: 5.0}, initial=initial, duration_s=1e-4)
+    with pytest.raises(bl.ConfigError, match="gaps_m: found 0 values; allowed: 19"):
+        bl.Run(bl.Chain(20, mass_kg=1e-3, alpha=1.5, stiffness=1e7, gaps_m=[]), strikers={0: 5.0}, duration_s=1e-4)
+
+
 def test_a_run_begins_from_a_state_of_another_to_the_bit() -> None:
     run = bl.Run(BEADS, strikers={0: 5.0}, duration_s=5e-4, dt_s=5e-7)
     rec = run.simulate()

@@ -21,6 +21,8 @@ from beadline._map import diverging, map_of
 
 matplotlib.use("Agg")
 
+LOADED = bl.Chain(20, mass_kg=1e-3, alpha=1.5, stiffness=1e7, left="fixed", right="fixed", precompression_n=5.0)
+
 
 @pytest.fixture(scope="module")
 def rec() -> bl.Recording:
@@ -102,20 +104,19 @@ def test_a_profile_has_the_values_of_a_state(rec: bl.Recording) -> None:
 
 
 def test_a_loaded_chain_shows_what_is_there_at_rest() -> None:
-    chain = bl.Chain(
-        beads=20,
-        mass_kg=1e-3,
-        alpha=1.5,
-        stiffness=1e7,
-        left="fixed",
-        right="fixed",
-        precompression_n=5.0,
-    )
-    rec = bl.Run(chain, strikers={10: 0.1}, duration_s=5e-4).simulate(every=1)
+    rec = bl.Run(LOADED, strikers={10: 0.1}, duration_s=5e-4).simulate(every=1)
     [bar] = rec.plot("overlap").figure.axes[1:]
     assert bar.get_ylabel() == "overlap beyond rest (µm)"
     labels = [line.get_label() for line in rec.plot("force", step=5).get_lines()]
     assert labels == ["force", "at rest"]
+
+
+@pytest.mark.parametrize(("chain", "duration_s"), [(bl.Chain(20, mass_kg=1e-3, bonds={"linear": 1e5}), 3e-4), (LOADED, 2e-4)])
+def test_contacts_that_are_pulled_are_shown_where_that_is_no_gap(chain: bl.Chain, duration_s: float) -> None:
+    rec = bl.Run(chain, strikers={0: -1e-3}, duration_s=duration_s).simulate(every=1)
+    image: Any = rec.plot("overlap").images[0]
+    least, most = image.get_array().min(), image.get_array().max()
+    assert (image.norm.vmin, image.norm.vmax) == (least, most) and -least > 1.2 * most > 0
 
 
 def test_displacements_are_all_shown_unless_some_are_far_away() -> None:

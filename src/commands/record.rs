@@ -332,7 +332,9 @@ impl Summary<'_> {
             }
             EndReason::Detached => notice!("stopped: the recording ends here, the run goes on"),
             EndReason::ProducerLost => {
-                notice!("the producer is gone without a word; no state that was due is missing");
+                let none = "; no state up to the last published one is missing";
+                let none = if self.followed.missed_count == 0 { none } else { "" };
+                notice!("the producer is gone without a word{none}");
             }
             EndReason::Dropped => display::notice(
                 "the producer dropped this recorder because it held the run back for too long; \

@@ -32,7 +32,6 @@ pub(crate) fn replay(args: &ReplayArgs) -> Result<Done, Failure> {
     loop {
         let Some(replay) = begin(args, window, &stop)? else { break };
         if summary.streams == 0 {
-            announce(args, &replay);
             summary.name(replay.manifest());
         }
         let manifest = replay.manifest().clone();
@@ -129,6 +128,9 @@ fn publish(
     };
     let first_frame = replay.first_frame();
     let mut publisher = publishing::open(replay.manifest(), first_frame, args.stall_timeout, wait_for, stop)?;
+    if summary.streams == 0 {
+        announce(args, &replay);
+    }
     if wait_for > 0 && args.wait_for.is_none() && summary.streams == 0 {
         let name = &replay.manifest().provenance.name;
         notice!(

@@ -448,6 +448,9 @@ function checkChanges() {
   assert.equal(other.manifest.physics.ends.absorbing_drag_n_s_per_m, 0.005);
   assert.match(configuration(other.manifest), /^absorbing_drag_n_s_per_m = 0\.005$/m);
   assert.equal(absorbing.ends.absorbing_drag_n_s_per_m, undefined);
+  // what TOML would take for too large a whole number has an exponent
+  const stiff = { ...other.manifest, physics: { ...other.manifest.physics, stiffness: 1e19, second: { alpha: 2, stiffness: [2 ** 53, 5e10] } } };
+  assert.match(configuration(stiff), /^stiffness = 1e\+19$[^]*^second = .*stiffness = \[9\.007199254740992e\+15, 50000000000\]/m);
 }
 
 async function checkMade() {

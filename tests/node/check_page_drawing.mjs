@@ -7,6 +7,7 @@ import assert from "node:assert/strict";
 import { amount, labelled, ticks } from "../../page/axes.js";
 import { ColourScale, diverging, sequential, theme } from "../../page/colours.js";
 import { curvePlot } from "../../page/curves.js";
+import { mapCsv } from "../../page/exporting.js";
 import { beadsOf, mapScales } from "../../page/map.js";
 import { Page } from "../../page/page.js";
 import { drawProfile } from "../../page/profile.js";
@@ -15,7 +16,7 @@ import { Run } from "../../page/run.js";
 import { Spectrum } from "../../page/spectrum.js";
 import { SvgSurface, escaped } from "../../page/surface.js";
 import { Timeline } from "../../page/timeline.js";
-import { passes, title } from "../../page/compare.js";
+import { passes, title, unclear } from "../../page/compare.js";
 import { leftOut } from "../../page/curves.js";
 import { Fields } from "../../page/fields.js";
 import { History } from "../../page/history.js";
@@ -101,6 +102,37 @@ assert.deepEqual(beadsOf({ places: [-0.5, 1.5], field: "energy" }), [-0.5, 1.5])
   });
 }
 
+// A table of a map names the first place of each column: 36 places in 28 columns are 9 in 7, four times.
+{
+  const request = { field: "velocity", places: [0, 35] };
+  const names = mapCsv({ rows: { request, columns: 28, count: 0 }, physics: {} }).trim().split(",").slice(2);
+  const expected = [0, 9, 18, 27].flatMap((begin) => [0, 2, 3, 4, 6, 7, 8].map((place) => `velocity_${begin + place}`));
+  assert.deepEqual(names, expected);
+}
+
+// Beside a ring an open chain has no contact that closes it.
+{
+  const chain = { mass: Float64Array.of(1, 1, 1), restOverlap: new Float64Array(2) };
+  const state = { step: 0, time_s: 0, u: Float64Array.of(1, 2, 4), v: new Float64Array(3), extra: new Float64Array(0) };
+  const data = { state, chain: { ...chain, ring: {} }, second: state, secondFields: { chain } };
+  const drawn = new SvgSurface(800, 100);
+  drawProfile(drawn, { x: 0, y: 0, width: 800, height: 100 }, data, { places: [-0.5, 2.5], steps: [0, 1], field: "overlap" }, theme(false));
+  assert.equal([...drawn.toString().matchAll(/<circle/g)].length, 5);
+}
+
+// A gap may lie beyond the frame; a loaded contact that is less pressed does not.
+{
+  const u = Float64Array.of(0, -1e-6, 1e-4);
+  const state = { step: 0, time_s: 0, u, v: new Float64Array(3), extra: new Float64Array(0) };
+  const [stiffness, mass, restOverlap] = [Float64Array.of(1, 1), Float64Array.of(1, 1, 1), new Float64Array(2)];
+  const beyond = (restForce) => {
+    const [drawn, chain] = [new SvgSurface(800, 100), { mass, stiffness, restOverlap, restForce: Float64Array.of(restForce, restForce) }];
+    drawProfile(drawn, { x: 0, y: 0, width: 800, height: 100 }, { state, chain }, { places: [-0.5, 1.5], steps: [0, 1], field: "overlap" }, theme(false));
+    return drawn.toString().includes("beyond the frame");
+  };
+  assert.deepEqual([0, 5].map(beyond), [true, false]);
+}
+
 // The speed along a ruler is that of the radii that a seed has made, and where they are not known that is said.
 {
   const spheres = { radius_m: 5e-3, density_kg_m3: 8000 };
@@ -149,6 +181,13 @@ assert.deepEqual(
 const compared = { name: "walls", traits: { "chain.alpha": 1.8, end: "complete" }, open() {} };
 assert.ok(["", "walls", "alpha>1.7 alpha<=1.8", "end=complete", "COMPL", "alpha!=2"].every((one) => passes(one, compared)));
 assert.ok(["gap", "alpha>1.8", "walls alpha=2", "beta=1"].every((one) => !passes(one, compared)));
+const masses = { ...compared, traits: { bead_mass_kg: 1, "impurities.0.mass_kg": 2 } };
+assert.ok(!passes("mass_kg>0", masses) && passes("bead_mass>0", masses) && passes("impurities.0.mass_kg=2", masses));
+assert.equal(
+  unclear("mass_kg>0", Object.keys(masses.traits)),
+  "mass_kg is in the names of 2 columns: write all of one (bead_mass_kg, impurities.0.mass_kg).",
+);
+assert.deepEqual(["mass", "beta=1", "bead_mass>0"].map((one) => unclear(one, Object.keys(masses.traits))), ["", "No column has beta in its name.", ""]);
 
 // Rows of many steps show the extremes of every step, where samples would show a slow swing.
 {

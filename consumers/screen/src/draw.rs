@@ -248,12 +248,12 @@ fn draw_profile(buffer: &mut Buffer, area: Rect, screen: &Screen, watched: &Watc
     let line = Style::new().fg(palette.line());
     let split = watched.outcome().map(|outcome| (outcome.split_bead, outcome.beads));
     let marked = split.map(|(bead, beads)| u64::from(inner.width) * bead / beads);
-    for (y, row) in (inner.y..).zip(rows) {
-        for (across, cell) in (0..).zip(row) {
+    for (y, row) in (inner.y..inner.bottom()).zip(rows) {
+        for (x, cell) in (inner.x..inner.right()).zip(row) {
             let is_free = matches!(cell, ' ' | '┈');
-            let cell = if cell == ' ' && Some(u64::from(across)) == marked { '┊' } else { cell };
+            let cell = if cell == ' ' && Some(u64::from(x - inner.x)) == marked { '┊' } else { cell };
             let style = if is_free { FAINT } else { line };
-            buffer[(inner.x + across, y)].set_char(cell).set_style(style);
+            buffer[(x, y)].set_char(cell).set_style(style);
         }
     }
     let bounds = [(range[1], inner.y), (range[0], inner.bottom().saturating_sub(1))];

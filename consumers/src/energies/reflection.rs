@@ -97,6 +97,8 @@ pub enum Undefined {
     Loaded,
     /// Contacts dissipate: the energy of a side falls wherever anything moves.
     Damped,
+    /// The pulse had arrived before the first frame that was seen, and a front may have met an end by then.
+    ArrivedBefore,
     /// Energy was exchanged with the outside while much of it might still have crossed the split bead.
     Exchanged,
 }
@@ -111,6 +113,7 @@ impl fmt::Display for Undefined {
             Self::OthersMove => "not defined: more than one striker moves, or more is pressed, at the beginning",
             Self::Loaded => "not defined: the chain is loaded, there is energy everywhere",
             Self::Damped => "not defined: contacts dissipate, the energy of a side never rests",
+            Self::ArrivedBefore => "unknown: the pulse had arrived before the first frame that was looked at",
             Self::Exchanged => {
                 "not defined: drag, absorbing ends, baths or drives changed the energy before the reflection was complete"
             }
@@ -203,7 +206,7 @@ pub struct Corrected {
 pub struct Reflection {
     /// The incident side.
     pub incident: Side,
-    /// Arrival of the pulse; the first frame, if it was there already.
+    /// Arrival of the pulse.
     pub arrival: Option<Moment>,
     /// The energy that the pulse had left behind; none if no frame was seen in the 10 T before it arrived.
     pub recoil: Option<Recoil>,
@@ -273,6 +276,8 @@ pub(super) struct ReflectionWatch {
     recoil_within_s: f64,
     recoil_window: Window,
     window: Window,
+    /// True if the pulse had arrived before the first frame.
+    is_late: bool,
     found: Reflection,
 }
 
@@ -325,6 +330,7 @@ impl ReflectionWatch {
             recoil_within_s: RECOIL_WINDOW * collision_s,
             recoil_window: Window::new(RECOIL_WINDOW * collision_s),
             window: Window::new(WINDOW * collision_s),
+            is_late: false,
             found: Reflection {
                 incident,
                 arrival: None,
@@ -342,12 +348,16 @@ impl ReflectionWatch {
         if self.found.met_end.is_none() && parts.exchanged_j > EXCHANGED * parts.total_j {
             self.found.exchanged.get_or_insert(parts.at);
         }
-        if self.found.exchanged.is_some() {
+        if self.is_late || self.found.exchanged.is_some() {
             return;
         }
         if self.found.arrival.is_none() {
             if parts.split_j + parts.beyond_j < ARRIVED * parts.total_j {
                 return self.approach(parts);
+            }
+            if self.found.recoil.is_none() && parts.at.time_s > 0.0 {
+                self.is_late = true;
+                return;
             }
             self.found.arrival = Some(parts.at);
             // the first kick, and what a pulse leaves behind on a long way that nobody saw
@@ -377,8 +387,11 @@ impl ReflectionWatch {
         self.found
     }
 
-    /// The reflection, unless energy was exchanged with the outside before it was complete.
+    /// The reflection, unless its begin was not seen, or energy was exchanged with the outside before it was complete.
     pub(super) fn told(&self) -> Result<Reflection, Undefined> {
+        if self.is_late {
+            return Err(Undefined::ArrivedBefore);
+        }
         let is_open = |energies: Reflected| energies.inbound_j > OPEN * energies.total_j;
         if self.found.exchanged.is_some() && self.found.energies.is_none_or(is_open) {
             return Err(Undefined::Exchanged);
@@ -556,9 +569,11 @@ mod tests {
 
     /// The first frame, in which nothing is left behind yet, tells nothing, nor does one of long ago.
     #[test]
-    fn a_recoil_that_was_not_seen_is_unknown() {
+    fn what_was_not_seen_is_unknown() {
         let arrived = (20, [0.5, 0.5, 0.5]);
-        assert!(watched(&[arrived]).found().recoil.is_none());
+        let late = watched(&[arrived, (21, [0.25, 0.0, 0.0]), (22, [1.0, 0.0, 1.0]), (23, [0.25, 0.0, 0.0])]);
+        assert_eq!(late.told(), Err(Undefined::ArrivedBefore));
+        assert!(watched(&[(0, [0.5, 0.5, 0.5])]).told().is_ok_and(|found| found.recoil.is_none()));
         assert!(watched(&[(0, [1.0, 0.0, 1.0]), (4, [0.5, 0.5, 0.5])]).found().recoil.is_none());
         assert!(watched(&[(9, [1.0, 0.0, 0.9]), arrived]).found().recoil.is_none());
         assert!(watched(&[(11, [1.0, 0.0, 0.9]), arrived]).found().recoil.is_some());

@@ -12,7 +12,7 @@ pub(super) struct Guard {
     token: String,
     address: SocketAddr,
     /// Names of this server in browsers, with the port.
-    hosts: [String; 4],
+    hosts: Vec<String>,
 }
 
 impl Guard {
@@ -21,13 +21,14 @@ impl Guard {
         let mut token = [0; TOKEN_BYTES];
         getrandom::fill(&mut token).map_err(io::Error::other)?;
         let port = address.port();
-        let hosts = ["127.0.0.1", "localhost", "[::1]"].map(|host| format!("{host}:{port}"));
-        let [v4, name, v6] = hosts;
-        Ok(Self {
-            token: format!("{:032x}", u128::from_be_bytes(token)),
-            address,
-            hosts: [v4, name, v6, address.to_string()],
-        })
+        let names = ["127.0.0.1", "localhost", "[::1]"].map(str::to_owned);
+        let mut hosts: Vec<_> = names.iter().map(|host| format!("{host}:{port}")).collect();
+        if port == 80 {
+            // browsers leave it out
+            hosts.extend(names);
+        }
+        hosts.push(address.to_string());
+        Ok(Self { token: format!("{:032x}", u128::from_be_bytes(token)), address, hosts })
     }
 
     pub(super) fn url(&self) -> String {
@@ -116,5 +117,16 @@ mod tests {
         {
             assert_eq!(asks(path, &[host]), None, "{path}");
         }
+    }
+
+    #[test]
+    fn browsers_leave_the_usual_port_out() {
+        let guard = Guard::new("127.0.0.1:80".parse().expect("an address")).expect("random bytes");
+        let admits = |host: &str| {
+            let request = Request::builder().uri(format!("/{}/", guard.token)).header("host", host);
+            guard.admit(&request.body(()).expect("a request").into_parts().0).is_some()
+        };
+        let found = ["127.0.0.1", "localhost:80", "evil.example"].map(admits);
+        assert_eq!(found, [true, true, false]);
     }
 }
