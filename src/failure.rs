@@ -120,7 +120,13 @@ pub(crate) fn exit(result: Result<Done, Failure>, form: Form) -> u8 {
 /// Reports a wrong command line and ends, or prints the help that was asked for.
 pub(crate) fn exit_of_usage(error: &clap::Error, form: Form) -> ! {
     if form == Form::Words || !error.use_stderr() {
-        error.exit();
+        if let Err(why) = error.print()
+            && !error.use_stderr()
+        {
+            let why = Error::new(why).context("the help cannot be printed on stdout");
+            std::process::exit(exit(Err(Failure::Failed(why)), form).into());
+        }
+        std::process::exit(error.exit_code());
     }
     let text = error.render().to_string();
     // the first paragraph says what is wrong, the others how to write it

@@ -30,6 +30,9 @@ const LOOK_INTERVAL: f64 = 1.2;
 /// Fewest evaluations of forces between two looks: a look takes up to one and a half.
 const FEWEST_EVALUATIONS: u64 = 75;
 
+/// The same of a run with steps so coarse that those would take longer than [`LONGEST_INTERVAL`].
+const FEWEST_COARSE_EVALUATIONS: u64 = 15;
+
 /// The longest time between two looks, in the same units; leapfrog is stable up to 4/√α.
 const LONGEST_INTERVAL: f64 = 1.6;
 
@@ -117,11 +120,13 @@ impl Growth {
             (Place::Bead(bead), Quantity::Displacement | Quantity::Velocity) => usize::try_from(bead).ok(),
             _ => None,
         });
+        let longest_dt_s = physics.longest_dt_s();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        let every = (LOOK_INTERVAL * physics.longest_dt_s() / physics.dt_s) as u64;
-        let every =
-            every.max(FEWEST_EVALUATIONS.div_ceil(u64::from(physics.method.force_evaluations_per_step()))); // integers
-        if every as f64 * physics.dt_s > LONGEST_INTERVAL * physics.longest_dt_s() {
+        let steps = |interval: f64| (interval * longest_dt_s / physics.dt_s) as u64;
+        let of_step = u64::from(physics.method.force_evaluations_per_step());
+        let fewest = FEWEST_EVALUATIONS.div_ceil(of_step);
+        let every = steps(LOOK_INTERVAL).max(fewest).min(steps(LONGEST_INTERVAL)); // integers
+        if every.saturating_mul(of_step) < FEWEST_COARSE_EVALUATIONS {
             return None;
         }
         // the leapfrog of a look takes damping as it was before, which is stable in short looks alone

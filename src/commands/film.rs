@@ -16,9 +16,11 @@ use consumers::footage::{Footage, Shot};
 use consumers::space_time::Extent;
 use figure::Scene;
 use plots::Film;
+use recording::RecordingInfo;
 use reel::{Form, Reel};
 use schemas::frame::EndReason;
 use serde_json::json;
+use std::ops::RangeInclusive;
 
 /// Pictures a second, as of the page.
 const PER_SECOND: u16 = 25;
@@ -28,9 +30,10 @@ pub(crate) fn film(args: &FilmArgs) -> Result<Done, Failure> {
     let from = super::recording_of(&args.source, "filmed")?;
     check_place(&args.out, Some(&from), args.force)?;
     form.check()?;
+    let info = RecordingInfo::glance(&from).bad_input()?;
     let mut frames = frames(args);
     let mut session = open(&frames)?;
-    let steps = session.steps();
+    let steps = reached(session.steps(), [info.first_step, info.last_step]);
     let manifest = session.manifest().clone();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most two minutes")]
     let wanted = ((args.seconds * f64::from(PER_SECOND)).round() as u64).max(1);
@@ -60,6 +63,13 @@ pub(crate) fn film(args: &FilmArgs) -> Result<Done, Failure> {
     let scene = Scene::new(args.size, &columns)?;
     shoot(args, form, &session, &scene, &film, &footage.shots)?;
     tell(args, &session, &tally, &footage.shots)
+}
+
+/// The part of `steps` between the `ends` of a recording, which may be interrupted; all of them where it holds none.
+fn reached(steps: RangeInclusive<u64>, ends: [Option<u64>; 2]) -> RangeInclusive<u64> {
+    let [Some(first), Some(last)] = ends else { return steps };
+    let held = first.max(*steps.start())..=last.min(*steps.end()); // integers
+    if held.is_empty() { steps } else { held }
 }
 
 /// The frames that a film is made of: those of the run, whether they were recorded or not.
@@ -141,4 +151,17 @@ fn tell(args: &FilmArgs, session: &Session<'_>, tally: &Tally, shots: &[Shot]) -
         "last_step": steps[1],
     });
     session.report(tally, "film", rows, results)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_film_of_an_interrupted_run_is_as_long_as_asked_for() {
+        assert_eq!(reached(0..=100, [Some(0), Some(40)]), 0..=40);
+        assert_eq!(reached(20..=30, [Some(25), Some(40)]), 25..=30);
+        assert_eq!(reached(50..=60, [Some(0), Some(40)]), 50..=60);
+        assert_eq!(reached(50..=60, [None, None]), 50..=60);
+    }
 }

@@ -4,6 +4,7 @@ use crate::display::{self, bytes, count, seconds};
 use crate::failure::{BadInput, Done, Failure};
 use crate::report::{Rows, report};
 use recording::{ChannelInfo, RecordingInfo};
+use schemas::config::Disordered;
 use schemas::frame::EndReason;
 use schemas::manifest::{Physics, Ranges};
 use schemas::whole_file::is_being_written;
@@ -99,7 +100,8 @@ pub(crate) fn of_physics(physics: &Physics) -> Rows {
             None => rows.add("masses", "not computed for a glance at so long a chain"),
         }
     }
-    let before = if physics.disorder.is_empty() { "" } else { " before disorder" };
+    let is_changed = physics.disorder.iter().any(|disorder| disorder.of != Disordered::Stiffnesses);
+    let before = if is_changed { " before disorder" } else { "" };
     let impurities =
         physics.impurities.iter().map(|i| format!("bead {} of {} kg{before}", i.bead, i.mass_kg));
     rows.add("impurities", some_of(impurities));

@@ -144,7 +144,8 @@ pub(crate) fn share_recording(
     Ok(Shared {
         path: out.display().to_string(),
         bytes: page.len(),
-        every_steps: Some(every),
+        // the last state is there, however early it comes
+        every_steps: Some(every.min(info.covered_steps().max(1))), // integers
         states,
         steps: if recomputes.is_ok() { info.covered_steps() + 1 } else { states },
         pulses: found.map(|found| found.pulses.len()),

@@ -161,6 +161,12 @@ fn several_strikers_and_a_seed_are_given_by_flags() {
     place.run("run d.toml --seed 7").exits(0);
     assert_eq!(place.run("info d.mcap --json").exits(0).json()["physics"]["seed"], 7);
     place.run("run d.toml --seed -1 --force").exits(2).says(&["--seed"]);
+    for (of, told) in [("masses", "kg before disorder"), ("stiffnesses", "bead 5 of 0.002 kg\n")] {
+        let chain = CHAIN.replace("beads = 10", "beads = 10\nimpurities = [{ bead = 5, mass_kg = 2e-3 }]");
+        place.write("i.toml", &format!("{chain}{STRUCK}[[disorder]]\nof = \"{of}\"\nuniform = 0.2\n"));
+        let shown = place.run("run i.toml --dry-run").exits(0).stdout();
+        assert!(shown.contains(told), "{shown}");
+    }
 }
 
 /// Hertz's law by hand: 4/3 of E/(2(1 − ν²)) times the root of half the radius; the mass of a ball.

@@ -78,6 +78,9 @@ fn every_step_of_every_preset_has_the_bits_of_the_kernel() {
 fn a_shared_file_holds_every_step_without_a_network() {
     let place = Place::new();
     place.run(&format!("{RUN} --duration 0.01")).exits(0);
+    let two = place.run("share run.mcap --out two.html --every-steps 1000000 --json").exits(0).json();
+    let every_steps = two["steps"].as_u64().unwrap() - 1;
+    assert_eq!((&two["states"], &two["every_steps"]), (&2.into(), &every_steps.into()));
     place.run("share run.mcap --out run.html").exits(0);
     place.run("expand run.mcap --out whole.mcap").exits(0);
     check(&place, "shared", ["run.html", "whole.mcap"]);

@@ -37,11 +37,11 @@ impl ColourScale {
     }
 
     /// A linear scale for numbers from `from`, which is white, to `to`, which is as dark as a colour gets: for numbers that are
-    /// far from 0 and differ little.
+    /// far from 0 and differ little. Where they do not differ, white is 0.
     pub fn between(label: impl Into<String>, from: f64, to: f64) -> Self {
+        let scale = Self::new(label, from, to);
         let is_usable = from.is_finite() && to.is_finite() && from < to;
-        let (from, to) = if is_usable { (from, to) } else { (0.0, 1.0) };
-        Self { label: label.into(), from, to, log_beyond: None, white: from }
+        if is_usable { Self { from, to, white: from, ..scale } } else { scale }
     }
 
     /// Makes the scale logarithmic for numbers farther from 0 than `linear`, so that what is weak is seen beside
@@ -232,6 +232,7 @@ mod tests {
         assert_eq!(scale.shades(), (0.0, 1.0));
         assert_eq!(labels(&scale, 9), ["0.90", "0.92", "0.94", "0.96", "0.98", "1.00"]);
         assert_eq!(ColourScale::between("x", 2.0, f64::NAN).shades(), (0.0, 1.0));
+        assert_eq!(ColourScale::between("x", -2.0, -2.0), ColourScale::new("x", -2.0, 0.0));
     }
 
     #[test]

@@ -152,7 +152,7 @@ impl<'a> Search<'a> {
                  [[drive]]: leave it out",
             ));
         }
-        let is_conservative = chain.damping.is_none() && !physics.has_drag();
+        let is_conservative = physics.is_without_loss();
         if !is_driven && !is_conservative {
             return Err(NoOrbit::Chain(
                 "the chain loses energy and nothing drives it: it comes to rest; add a [[drive]]",

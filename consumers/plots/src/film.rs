@@ -38,10 +38,10 @@ impl<'a> Film<'a> {
         } else {
             parts(footage.split_bead())
         };
-        let times = footage.shots.first().zip(footage.shots.last());
-        let span_ms = times.map_or(0.0, |(first, last)| (last.time_s - first.time_s) * 1e3);
-        let decimals = -(span_ms / footage.shots.len() as f64).log10().floor();
-        // one moment has no span
+        let apart_ms = footage.shots.windows(2).map(|pair| (pair[1].time_s - pair[0].time_s) * 1e3);
+        let least_ms = apart_ms.filter(|apart| *apart > 0.0).fold(f64::INFINITY, f64::min);
+        let decimals = -least_ms.log10().floor();
+        // one moment is apart from none
         let decimals = if decimals.is_finite() { decimals } else { 6.0 };
         let (unit, per_s, decimals) =
             if decimals > 9.0 { ("ns", 1e9, decimals - 6.0) } else { ("ms", 1e3, decimals) };

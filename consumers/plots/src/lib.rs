@@ -200,10 +200,7 @@ pub fn energies(
     let of_part = |panel: Panel, (name, column)| panel.line(name, curve(column, 1e3));
     let parts = parts(split_bead).into_iter().fold(panel().y_axis("energy (mJ)"), of_part);
     let physics = &manifest.physics;
-    let is_conserved = physics.damping.is_none()
-        && !physics.has_drag()
-        && physics.drives.is_empty()
-        && physics.baths.is_empty();
+    let is_conserved = physics.is_without_loss() && physics.drives.is_empty() && physics.baths.is_empty();
     let drift = panel()
         .y_axis(if is_conserved { "(E−E_{0})/E_{0}" } else { "error of the balance ΔE/E" })
         .curve(Curve::line("", curve("relative_drift", 1.0)).colour(Colour::Black))

@@ -54,6 +54,22 @@ fn a_chaotic_train_is_lost_when_its_twin_is() {
     assert!((0.03..0.12).contains(&(growth_per_s * time_s)), "{} per T", growth_per_s * time_s);
 }
 
+/// Steps that are coarser than usual are looked at more often, up to four times of them.
+#[test]
+fn a_chaotic_train_of_coarse_steps_is_lost_as_well() {
+    for times in [2.0, 4.0] {
+        let (physics, lost) = lost("homogeneous", |config| {
+            config.chain.beads = 1200;
+            config.chain.impurities = vec![Impurity { bead: 0, mass_kg: 10e-3 }];
+            config.time.duration_s = 0.05;
+            config.time.dt_s = Some(times * Physics::resolve(config).unwrap().usual_step().0);
+        });
+        let (time_s, Lost { at_s, growth_per_s }) = (physics.scales().time_s, lost.expect("chaos"));
+        println!("{times}: at {:.0} T, grows by {:.4} in each T", at_s / time_s, growth_per_s * time_s);
+        assert!((400.0..650.0).contains(&(at_s / time_s)), "{times}: {} T", at_s / time_s);
+    }
+}
+
 #[test]
 fn beads_between_two_walls_are_lost_in_the_long_run() {
     let (physics, lost) = lost("walls", |config| config.time.duration_s = 0.08);

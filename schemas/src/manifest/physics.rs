@@ -239,6 +239,12 @@ impl Physics {
         self.on_site.drag_n_s_per_m.is_some() || self.is_absorbing()
     }
 
+    /// True if neither damping nor drag takes energy from the beads; a drag of 0 takes none.
+    pub fn is_without_loss(&self) -> bool {
+        let drag = self.on_site.drag_n_s_per_m.as_ref().map_or(0.0, Profile::largest);
+        self.damping.is_none() && drag == 0.0 && !self.is_absorbing()
+    }
+
     fn is_absorbing(&self) -> bool {
         [self.ends.left, self.ends.right].contains(&End::Absorbing)
     }

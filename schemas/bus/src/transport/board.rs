@@ -154,7 +154,7 @@ impl BoardReader {
         let (text, name) = (text_of(run, Topic::Manifest), service_name(run, Topic::Manifest)?);
         let opener = || node.service_builder(&name).blackboard_opener::<u64>().open();
         let Some(service) = open(&text, opener)? else { return Ok(None) };
-        let unreadable = |e: &dyn std::fmt::Debug| BusError::service(&text, "read", &format!("{e:?}"));
+        let unreadable = |e: &dyn std::fmt::Debug| BusError::service(&text, "read", e);
         let reader = service.reader_builder().create().map_err(|e| unreadable(&e))?;
         Ok(Some(Self {
             manifest: reader.entry(&KEY_MANIFEST).map_err(|e| unreadable(&e))?,

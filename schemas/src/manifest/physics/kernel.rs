@@ -63,6 +63,14 @@ mod tests {
         "[ends]\nleft = \"periodic\"\nright = \"periodic\"\n[load]\nprecompression_n = 1000.0\n";
 
     #[test]
+    fn a_drag_of_0_is_no_loss() {
+        let is_without_loss = |more: &str| physics(&chain(10, &format!("{PLAIN}{more}"))).is_without_loss();
+        let drag = |list: &str| is_without_loss(&format!("[on_site]\ndrag_n_s_per_m = {list}\n"));
+        assert!(is_without_loss("") && drag("0.0") && !drag("{ pattern = [0.0, 1e-3] }"));
+        assert!(!is_without_loss("[ends]\nright = \"absorbing\"\n"));
+    }
+
+    #[test]
     fn a_run_has_the_first_version_that_gives_its_bits() {
         let version = |more: &str| physics(&chain(10, &format!("{PLAIN}{more}"))).kernel_version;
         let ring_of = |stiffnesses: &str| version(&format!("{stiffnesses}{RING}"));

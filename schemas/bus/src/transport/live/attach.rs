@@ -196,7 +196,7 @@ impl Search<'_> {
         run: &RunName,
     ) -> Result<Option<(StateSubscriber, Listener<Ipc>)>, AttachError> {
         let text = text_of(run, Topic::State);
-        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "subscribe to", &format!("{e:?}"));
+        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "subscribe to", e);
         let Some(state) = services::find_slices::<f64>(node, run, Topic::State)? else { return Ok(None) };
         let label: String = self.options.label.chars().filter(char::is_ascii_graphic).take(30).collect();
         let name = format!("{}.{label}.{}", self.delivery.as_str(), std::process::id());
@@ -242,7 +242,7 @@ impl Handshake<'_> {
         manifest: &RunManifest,
     ) -> Result<Option<Joined>, AttachError> {
         let text = text_of(self.run, Topic::Join);
-        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "join through", &format!("{e:?}"));
+        let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "join through", e);
         let Some(join) = services::find_join(self.node, self.run)? else { return Ok(None) };
         let client = join.client_builder().create().map_err(|e| failed(&e))?;
         let events = services::events(self.node, self.run, Topic::Join)?;

@@ -137,7 +137,7 @@ fn publish_chain(
     stream: StreamId,
 ) -> Result<Publisher<Ipc, [f64], StateHeader>, BusError> {
     let text = text_of(run, Topic::Chain);
-    let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", &format!("{e:?}"));
+    let failed = |e: &dyn std::fmt::Debug| BusError::service(&text, "publish", e);
     let values = chain_values::to_values(chain);
     let service = services::chain(node, run)?;
     let builder = service.publisher_builder().initial_max_slice_len(values.len()).max_loaned_samples(1);

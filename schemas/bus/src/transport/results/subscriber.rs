@@ -71,7 +71,7 @@ fn subscribe<T: ResultElement>(
     topic: Topic,
     delivery: Delivery,
 ) -> Result<Option<Subscribed>, ResultsError> {
-    let failed = |e: &dyn Debug| BusError::service(&text_of(run, topic), "subscribe to", &format!("{e:?}"));
+    let failed = |e: &dyn Debug| BusError::service(&text_of(run, topic), "subscribe to", e);
     let Some(service) = services::find_slices::<T>(node, run, topic)? else { return Ok(None) };
     if service.dynamic_config().number_of_publishers() == 0 {
         return Ok(None);
