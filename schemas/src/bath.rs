@@ -65,7 +65,7 @@ impl Bath {
     }
 
     /// The largest `k_B·T` (J), for scales.
-    pub(crate) fn hottest_j(&self) -> f64 {
+    pub fn hottest_j(&self) -> f64 {
         let joule = self.temperature_j.iter().map(Waveform::largest);
         joule.chain(self.temperature_k.iter().map(|t| BOLTZMANN_J_K * t.largest())).fold(0.0, f64::max)
     }

@@ -34,7 +34,7 @@ pub static OFFER: Offer = Offer {
         above all a front that no pulse leads, is told, and the exit code is 3 then. V/V_sw is the speed over that of the exact solitary wave of the same \
         peak velocity: 1 for a pulse that no longer changes. Velocities, momenta and energies count from the velocity \
         that more than half of the beads begin with; if there is none, V/V_sw is empty. asymmetry = (rear − front)/(rear + front) of \
-        the half widths. `--json` and the tables have more: momentum, energy, width over that of the wave.",
+        the half widths. A bath's noise makes crests of its own: the more frames, the more pulses there are. `--json` and the tables have more: momentum, energy, width over that of the wave.",
     settings: &[Setting::new(
         "threshold",
         Takes::Number { unit: "", range: Allowed::AboveZero, default: Some("0.001") },
@@ -242,7 +242,7 @@ impl Analysis for PulseAnalysis {
         let (notices, is_lossy) = notices(&self.manifest, &self.pulses);
         let mut words = Words::default();
         words.add("pulses", counts_text(&self.pulses.counts(), self.threshold_m_s));
-        if !self.pulses.unfollowed().is_empty() {
+        if !self.pulses.unfollowed().is_empty() && !is_shaken(&self.manifest) {
             words.add("not followed", not_followed_text(&self.pulses));
         }
         let drift_m_s = self.pulses.drift_m_s();
@@ -350,6 +350,10 @@ fn published_row(row: &mut Vec<f64>, under_way: impl Iterator<Item = UnderWay>) 
 
 /// Warnings about what could not be followed; true if something was lost.
 fn notices(manifest: &RunManifest, pulses: &Pulses) -> (Vec<String>, bool) {
+    if is_shaken(manifest) {
+        let noise = "a bath shakes beads: the number of pulses depends on how many frames are looked at";
+        return (vec![noise.to_owned()], false);
+    }
     let (counts, mut notices) = (pulses.counts(), Vec::new());
     let seen = counts.longest_interval_steps;
     let longer = |longest: Option<u64>| longest.is_some_and(|longest| seen > longest);
@@ -371,6 +375,11 @@ fn notices(manifest: &RunManifest, pulses: &Pulses) -> (Vec<String>, bool) {
     }
     let unresolved = longer(Pulses::longest_interval_steps(manifest));
     (notices, unresolved || counts.unresolved_crests > 0 || counts.unfollowed > 0)
+}
+
+/// True if a bath's noise moves beads: their velocities have a maximum every few steps, however short these are.
+fn is_shaken(manifest: &RunManifest) -> bool {
+    manifest.physics.baths.iter().any(|bath| bath.hottest_j() > 0.0)
 }
 
 /// Number of disturbances without a pulse. One that led a front is more than a wave among others.
@@ -491,6 +500,32 @@ mod tests {
     use schemas::config::RunConfig;
     use schemas::manifest::Origin;
 
+    /// The analysis of every step of a chain of equal spheres.
+    fn observed(beads: u64, rest: &str) -> PulseAnalysis {
+        let toml = format!("[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}");
+        let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 };
+        let manifest = RunManifest::new(&RunConfig::from_toml(&toml).unwrap(), "run", origin).unwrap();
+        let settings = Settings::default();
+        let mut analysis = PulseAnalysis::new(&Beginning::whole("pulses", &manifest, &settings));
+        let (mut state, mut out) = (ChainState::initial(&manifest.physics), LastRow::default());
+        let mut integrator = Integrator::new(&manifest.physics);
+        while state.step < manifest.physics.step_count {
+            analysis.observe(&state.as_frame(&manifest, state.step), &mut out);
+            integrator.step(&mut state);
+        }
+        analysis.finish(&mut out).unwrap();
+        analysis
+    }
+
+    /// Noise makes fronts that no pulse follows; the report says what the number of pulses is worth.
+    #[test]
+    fn a_bath_makes_pulses_of_noise() {
+        let bath = "[[bath]]\nbeads = \"0..19\"\ntemperature_j = 1e-3\nfriction_per_s = 1e4\n";
+        let report = observed(20, &format!("{bath}[time]\nduration_s = 1e-3\n")).report().unwrap();
+        assert!(!report.is_lossy && report.notices.len() == 1, "{:?}", report.notices);
+        assert!(report.notices[0].starts_with("a bath shakes beads"), "{:?}", report.notices);
+    }
+
     /// Two drives make four fronts, and a front goes on beyond the seam of a ring; a striker beside that makes pulses in both
     /// directions.
     #[test]
@@ -501,20 +536,7 @@ mod tests {
         let ends = "[ends]\nleft = \"periodic\"\nright = \"periodic\"\n";
         let ring = format!("{ends}[striker]\nbead = 82\nvelocity_m_s = 1.0\n");
         for (beads, rest, of_strikers) in [(200, drives, 0), (90, ring, 2)] {
-            let toml = format!(
-                "[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}[time]\nduration_s = 0.006\n"
-            );
-            let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 };
-            let manifest = RunManifest::new(&RunConfig::from_toml(&toml).unwrap(), "run", origin).unwrap();
-            let settings = Settings::default();
-            let mut analysis = PulseAnalysis::new(&Beginning::whole("pulses", &manifest, &settings));
-            let (mut state, mut out) = (ChainState::initial(&manifest.physics), LastRow::default());
-            let mut integrator = Integrator::new(&manifest.physics);
-            while state.step < manifest.physics.step_count {
-                analysis.observe(&state.as_frame(&manifest, state.step), &mut out);
-                integrator.step(&mut state);
-            }
-            analysis.finish(&mut out).unwrap();
+            let mut analysis = observed(beads, &format!("{rest}[time]\nduration_s = 0.006\n"));
             assert_eq!(analysis.pulses.unfollowed(), []);
             let pulses = analysis.strongest.pulses();
             let found = pulses.iter().filter(|pulse| pulse.birth == Birth::Striker).count();
