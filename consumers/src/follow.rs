@@ -28,6 +28,8 @@ pub struct Tally {
     pub first_frame: Option<u64>,
     /// Last frame received.
     pub last_frame: Option<u64>,
+    /// Last frame that was missed.
+    pub last_missed: Option<u64>,
     /// Reason why it ended.
     pub end: EndReason,
     /// It ended because no more was asked for: the window ends before the source does.
@@ -42,6 +44,7 @@ impl Default for Tally {
             missed_count: 0,
             first_frame: None,
             last_frame: None,
+            last_missed: None,
             end: EndReason::Unfinished,
             ended_as_asked: false,
         }
@@ -102,6 +105,7 @@ pub fn follow_within<S: FrameSource, A: FrameObserver>(
             Received::Missed { from, to } => {
                 if let Some((from, to)) = window.clip(&manifest, from, to) {
                     tally.missed_count += to - from + 1;
+                    tally.last_missed = Some(to);
                     observer.gap();
                 }
                 manifest.step_of_frame(to)

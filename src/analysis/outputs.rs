@@ -89,12 +89,13 @@ impl Outputs {
         }
     }
 
-    /// Ends everything; `end` says how the frames ended. Gives the rows that were kept.
-    pub(crate) fn finish(mut self, end: EndReason) -> Result<Kept, Failure> {
+    /// Ends everything; `end` says how the frames ended, and `missed` which was the last one that did not arrive. Gives the
+    /// rows that were kept.
+    pub(crate) fn finish(mut self, end: EndReason, missed: Option<u64>) -> Result<Kept, Failure> {
         self.check()?;
         unless_stopped(match self.publisher {
-            Some(Publisher::Numbers(publisher)) => publisher.finish(),
-            Some(Publisher::Classes(publisher)) => publisher.finish(),
+            Some(Publisher::Numbers(publisher)) => publisher.finish_short_of(missed),
+            Some(Publisher::Classes(publisher)) => publisher.finish_short_of(missed),
             None => Ok(()),
         })?;
         self.tables.into_iter().flatten().try_for_each(|table| table.finish().map(drop))?;

@@ -13,6 +13,7 @@ use std::path::PathBuf;
     beadline view run.mcap other.mcap      two recordings and their difference\n  \
     beadline view results/                 the recordings in a folder, or the points of a sweep\n  \
     ssh -L 8080:localhost:8080 host beadline view --port 8080      on another machine\n\n\
+    Both ports of a tunnel must be equal: the page answers at its own port alone.\n\n\
     Only those who know the printed address can see the page, and they see everything: a part of the address is random. \
     The page never holds a run back. Ctrl-C ends `view`.")]
 pub(crate) struct ViewArgs {

@@ -66,7 +66,7 @@ pub(crate) fn analyse(asked: &AskedAnalysis) -> Result<Done, Failure> {
         }
         Err(refusal) => return Err(refused(refusal)),
     }
-    let kept = outputs.finish(tally.end)?;
+    let kept = outputs.finish(tally.end, tally.last_missed)?;
     draw(&common, || kept.figure(&manifest, asked.offer, &mut *analysis))?;
     let Report { title, words, results, notices, is_lossy } = kept.report(asked.offer, &mut *analysis);
     notices.iter().for_each(display::notice);
@@ -147,7 +147,7 @@ fn without_frames(
     }
     let mut outputs = Outputs::open(asked, &*analysis, manifest, None)?;
     analysis.finish(&mut outputs).map_err(refused)?;
-    let kept = outputs.finish(EndReason::Complete)?;
+    let kept = outputs.finish(EndReason::Complete, None)?;
     draw(&asked.common, || kept.figure(manifest, asked.offer, &mut *analysis))?;
     let Report { title, words, results, notices, .. } = kept.report(asked.offer, &mut *analysis);
     notices.iter().for_each(display::notice);

@@ -149,14 +149,17 @@ fn a_stalled_latest_consumer_harms_nobody() {
     assert_eq!(received + missed, frames);
 }
 
-/// A lossless consumer that lives but takes nothing is dropped after the stated time, loudly on both sides.
+/// A lossless consumer that lives but takes nothing is dropped after the stated time, loudly on both sides. A recorder
+/// of its rows says which ones never came.
 #[test]
 fn a_stuck_lossless_consumer_is_dropped() {
     let place = Place::new();
-    let words = "run --preset homogeneous --duration 0.05 --name run --no-record --wait-for 1 --stall-timeout 1 --json";
+    let words = "run --preset homogeneous --duration 0.1 --name run --no-record --wait-for 2 --stall-timeout 1 --json";
     let run = place.start(words);
     let stuck = place.start("energies --out e.csv --json");
-    place.wait_for_run("run", |run| run.step > 0);
+    let recorder = place.start("record --out run.mcap --record-every-steps 1000 --json");
+    // more frames than wait for a consumer, so that the first rows are out
+    place.wait_for_run("run", |run| run.step > 200);
     stuck.signal("STOP");
     let run = run.wait().exits(3).says(&["energies", "dropped"]).json();
     assert_eq!(run["end"], "complete");
@@ -164,6 +167,9 @@ fn a_stuck_lossless_consumer_is_dropped() {
     stuck.signal("CONT");
     let summary = stuck.wait().exits(3).says(&["dropped"]).json();
     assert_eq!(summary["end"], "dropped");
+    let recorded = recorder.wait().exits(3).says(&["energies: no rows of frames"]).json();
+    let (rows, last) = (&recorded["results"]["energies"], recorded["last_frame"].as_u64().unwrap());
+    assert_eq!(rows["missed"], serde_json::json!([[rows["rows"], last]]), "{rows}");
 }
 
 /// A stop while a consumer holds the run back: an orderly end, with everything that anybody got recorded.

@@ -129,8 +129,10 @@ fn one_of_a_kind_is_no_plural() {
     let run =
         place.start("run --beads 20 --impurity none --duration 1e-4 --name one --no-record --wait-for 1");
     place.wait_for_run("one", |run| run.state.as_str() == "waiting");
-    place.run("energies").exits(0);
+    place.run("record --out part.mcap --split-duration 1e-6").exits(0);
     run.wait().exits(0).says(&["waiting for 1 lossless consumer\n"]);
+    let text = place.run("info part-part-0001.mcap").exits(0).stdout();
+    assert!(text.contains(" 0 s to 0 s\n"), "one state has no interval: {text}");
 }
 
 /// A flag that is passed over would be believed to be obeyed.

@@ -213,7 +213,10 @@ impl<'a> TopicRows<'a> {
         if self.tally.trouble.is_some() {
             self.stand_by();
         }
-        if let Some((last, owed)) = self.tally.last_frame.zip(self.owed).filter(|(last, owed)| owed > last) {
+        // rows of later frames than ours are no loss
+        let end = self.recorder.state().end.and_then(|end| end.last_frame);
+        let owed = self.owed.min(end);
+        if let Some((last, owed)) = self.tally.last_frame.zip(owed).filter(|(last, owed)| owed > last) {
             self.tally.missed.push((last + 1, owed));
         }
         self.tally

@@ -216,6 +216,19 @@ fn a_stalled_latest_subscriber_counts_what_it_missed() {
     });
 }
 
+/// Rows that a publisher cannot make any more are missed, too.
+#[test]
+fn a_publisher_that_missed_the_last_frames_says_so() {
+    for (missed, count) in [(Some(9), 5), (Some(2), 0), (None, 0)] {
+        let test = TestBus::new();
+        let mut energies = create::<f64>(&test, "energies", &columns(1, "a_J"));
+        let mut rows = attach(&test, "energies", Delivery::Lossless).unwrap();
+        (3..5).for_each(|frame| energies.publish(frame, frame, 0.0, &[1.0]).unwrap());
+        energies.finish_short_of(missed).unwrap();
+        assert_eq!(read(&mut rows), (vec![3, 4], count, EndReason::Complete));
+    }
+}
+
 #[test]
 fn a_second_publisher_is_told_so_that_it_can_go_on_without() {
     let test = TestBus::new();

@@ -147,6 +147,15 @@ impl<T: ResultElement> ResultPublisher<T> {
         self.finish_and_wait(Duration::ZERO)
     }
 
+    /// As [`finish`](Self::finish), and tells that the rows after the last one up to that of frame `missed` do not come.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn finish_short_of(mut self, missed: Option<u64>) -> Result<(), ResultsError> {
+        self.last.frame = self.last.frame.max(missed.unwrap_or(0));
+        self.finish()
+    }
+
     /// As [`finish`](Self::finish), but leaves the bus only when every present lossless subscriber has left, the publisher
     /// is stopped, or `at_most` is over. Use it before publishing the same topic again, so that present subscribers can
     /// read to the end.
