@@ -22,6 +22,8 @@ pub(crate) struct Configured {
     pub(crate) toml: String,
     /// The duration (s) that was asked for.
     pub(crate) duration_s: f64,
+    /// The files that it was read from.
+    pub(crate) inputs: Vec<PathBuf>,
 }
 
 impl Configured {
@@ -32,6 +34,7 @@ impl Configured {
             manifest: info.manifest.clone(),
             toml: info.run_toml.clone().unwrap_or_default(),
             duration_s: physics.time_s(physics.step_count),
+            inputs: Vec::new(),
         }
     }
 }
@@ -69,6 +72,7 @@ pub(crate) fn configure(args: &Asked<'_>) -> Result<Configured, Failure> {
     let stem = args.config.and_then(|path| path.file_stem()).map(|stem| stem.to_string_lossy());
     let beside = args.config.and_then(|path| path.parent());
     let located = |error: ConfigError| error.located(&text, args.config.map(PathBuf::as_path));
+    let inputs = args.config.cloned().into_iter().chain(experiments::files_of(&mut config, beside)).collect();
     config = experiments::prepared(config, beside).map_err(located).bad_input()?;
     let manifest_of = |config: &RunConfig| {
         let manifest =
@@ -100,7 +104,7 @@ pub(crate) fn configure(args: &Asked<'_>) -> Result<Configured, Failure> {
     } else {
         overridden(args, &config, chosen.as_deref())
     };
-    Ok(Configured { manifest, toml, duration_s: config.time.duration_s })
+    Ok(Configured { manifest, toml, duration_s: config.time.duration_s, inputs })
 }
 
 /// The preset of that name.

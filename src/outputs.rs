@@ -62,7 +62,7 @@ fn check_extension(path: &Path, allowed: &[&str], rule: &str) -> Result<(), Fail
 pub(crate) fn check_place(path: &Path, source: Option<&Path>, force: bool) -> Result<(), Failure> {
     let resolved = |path: &Path| path.canonicalize().ok();
     if resolved(path).is_some_and(|path| Some(path) == source.and_then(resolved)) {
-        return Err(bad_input!("{} is the source itself", path.display()));
+        return Err(bad_input!("{} is the source itself; choose another name", path.display()));
     }
     check_free(path, force)
 }

@@ -210,7 +210,7 @@ pub(crate) fn each_row(
     out: &Path,
     mut take: impl FnMut(&Entry) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    merge::rows(&Directory::existing(out, sweep)?, sweep.point_count(), |row, _| take(row))
+    merge::rows(&Directory::existing(out, sweep)?, sweep, |row, _| take(row))
 }
 
 /// The sweep file in the directory of a sweep; none in other directories.

@@ -50,11 +50,11 @@ pub struct Entry {
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// It belongs to another table.
-    #[error("{} belongs to another table, of identity {found}", path.display())]
+    #[error("{} belongs to another table, of {found}", path.display())]
     Foreign {
         /// The journal.
         path: PathBuf,
-        /// The identity in it.
+        /// The identity in it, or its other columns.
         found: String,
     },
     /// Its first line, which says to which table its rows belong, was changed.
@@ -326,10 +326,12 @@ fn begins(
 fn check_head(line: &[u8], path: &Path, head: &JournalHead) -> Result<(), JournalError> {
     let found = checked(line).and_then(|json| serde_json::from_slice::<HeadLine>(json).ok());
     let found = found.ok_or_else(|| JournalError::Damaged { path: path.to_owned() })?;
-    if found.identity == head.identity && found.columns == names(head) {
+    let is_same = found.identity == head.identity;
+    if is_same && found.columns == names(head) {
         return Ok(());
     }
-    Err(JournalError::Foreign { path: path.to_owned(), found: found.identity })
+    let found = if is_same { "other columns".to_owned() } else { format!("identity {}", found.identity) };
+    Err(JournalError::Foreign { path: path.to_owned(), found })
 }
 
 /// The JSON of a line whose checksum is right.
@@ -506,11 +508,14 @@ mod tests {
         let path = dir.path().join("rows");
         written(&path, 1);
         let other = JournalHead { identity: "other".into(), ..head() };
-        let foreign = |head| matches!(Journal::open(&path, head, |_| ()), Err(JournalError::Foreign { .. }));
-        assert!(foreign(&other));
+        let foreign = |head| match Journal::open(&path, head, |_| ()) {
+            Err(JournalError::Foreign { found, .. }) => found,
+            opened => panic!("{opened:?}"),
+        };
+        assert_eq!(foreign(&other), "identity abc");
         let mut columns = head();
         columns.columns.truncate(2);
-        assert!(foreign(&columns));
+        assert_eq!(foreign(&columns), "other columns");
     }
 
     #[test]

@@ -57,7 +57,7 @@ impl FrameObserver for Exporting {
 pub(crate) fn export(args: &ExportArgs) -> Result<Done, Failure> {
     let format = format(args)?;
     let from = super::recording_of(&args.file, "exported")?;
-    check_place(&args.out, Some(&from), args.force)?;
+    format.files(&args.out).iter().try_for_each(|path| check_place(path, Some(&from), args.force))?;
     let stop = signals::bounded_stop_flag()?;
     let (mut frames, window) = open(args, &from, &stop)?;
     let manifest = frames.manifest().clone();

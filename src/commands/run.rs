@@ -8,7 +8,7 @@ use crate::display::{self, bytes, count, counted, duration, seconds};
 use crate::failure::{Done, Failure};
 use crate::forecast::Forecast;
 use crate::keyboard::Keyboard;
-use crate::outputs::check_free;
+use crate::outputs::{check_free, check_place};
 use crate::publishing::{self, Outlet};
 use crate::report::{Rows, report};
 use crate::resumption::{self, Begun, Resumption};
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Done, Failure> {
         determining::check_noise(&manifest.physics)?;
     }
     spool.as_ref().map_or(Ok(()), Spool::prepare)?;
-    let out = start.check_out(force)?;
+    let out = start.check_out(&configured.inputs, force)?;
     let options = WriteOptions { force, ..write_options(args) };
     let disk = announce(&configured, out.as_deref(), &options)?;
     let first_step = start.first_frame().map_or(0, |frame| manifest.step_of_frame(frame));
@@ -197,8 +197,8 @@ impl Start {
         }
     }
 
-    /// Path of the recording, if there is one; refuses a name that is taken.
-    fn check_out(&self, force: bool) -> Result<Option<PathBuf>, Failure> {
+    /// Path of the recording, if there is one; refuses a name that is taken, or that of one of `inputs`.
+    fn check_out(&self, inputs: &[PathBuf], force: bool) -> Result<Option<PathBuf>, Failure> {
         let out = match self {
             Self::Fresh(out) => out.as_deref(),
             Self::Resumed(found) => Some(found.target()),
@@ -207,7 +207,11 @@ impl Start {
             return Err(bad_input!("{}: a recording is written as .mcap", path.display()));
         }
         match self {
-            Self::Fresh(_) => out.map_or(Ok(()), |path| check_free(path, force))?,
+            Self::Fresh(Some(path)) => {
+                inputs.iter().try_for_each(|input| check_place(path, Some(input), force))?;
+                check_free(path, force)?;
+            }
+            Self::Fresh(None) => {}
             Self::Resumed(found) => resumption::tell_begin(found.info()),
         }
         Ok(out.map(Path::to_owned))

@@ -62,13 +62,15 @@ impl Directory {
     /// `force`.
     pub(super) fn open(path: &Path, sweep: &Sweep, force: bool) -> Result<Self, Failure> {
         let directory = Self::of(path, sweep);
-        create_directory(&path.join(ROWS))
-            .with_context(|| format!("cannot make {}", path.display()))
-            .bad_input()?;
+        let make = |path: &Path| {
+            create_directory(path).with_context(|| format!("cannot make {}", path.display())).bad_input()
+        };
+        make(path)?;
         // where a sweep was removed, empty directories and what others put there stay
         if !force || !directory.clear()? {
             directory.check()?;
         }
+        make(&directory.rows())?;
         // the sweep may be the same and be written otherwise
         directory.write(SWEEP_TOML, sweep.text().as_bytes())?;
         directory.write(SWEEP_JSON, &serde_json::to_vec_pretty(&directory.sign)?)?;

@@ -8,9 +8,9 @@ use crate::failure::Failure;
 use anyhow::anyhow;
 use consumers::journal::{self, Entry};
 use consumers::table::{Cell, Column, Kind, Table, TableError};
-use experiments::ERROR_COLUMN;
 use experiments::ensemble::EnsembleTable;
 use experiments::series::Lines;
+use experiments::{ERROR_COLUMN, parameter_cell};
 use producer::sweep::Sweep;
 use std::path::PathBuf;
 
@@ -58,13 +58,13 @@ pub(super) fn present(directory: &Directory, point_count: u64) -> Result<Points,
     Ok(points)
 }
 
-/// Tells `take` each existing row of the sweep of `point_count` points, also as JSON, in their order, from every journal.
+/// Tells `take` each existing row of `sweep`, also as JSON, in their order, from every journal.
 ///
 /// # Errors
-/// When a journal cannot be read, when a row was computed twice with different results, or when `take` fails.
+/// When a journal cannot be read, when a row is not of its point or was computed twice with different results, or when `take` fails.
 pub(super) fn rows(
     directory: &Directory,
-    point_count: u64,
+    sweep: &Sweep,
     mut take: impl FnMut(&Entry, &[u8]) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let mut sorter = Sorter::new(directory.file(""));
@@ -72,7 +72,7 @@ pub(super) fn rows(
         // this program writes none, but somebody may have edited the file
         let (mut strangers, mut stranger) = (0, 0);
         let damaged = journal::read(&path, directory.head(), |index, json| {
-            if index < point_count {
+            if index < sweep.point_count() {
                 sorter.push(index, json)?;
             } else {
                 (strangers, stranger) = (strangers + 1, index);
@@ -94,9 +94,13 @@ pub(super) fn rows(
     let mut sorted = sorter.finish()?;
     let mut found: Option<(Entry, Box<[u8]>)> = None;
     while let Some((index, json)) = sorted.next()? {
-        let entry = journal::entry(&json, &directory.head().columns).ok_or_else(|| {
+        let parameters = sweep.parameters_of(index)?;
+        let cells = parameters.iter().map(|parameter| parameter_cell(parameter.as_ref()));
+        let is_of_point = |entry: &Entry| cells.zip(&entry.cells).all(|(cell, found)| is_same(&cell, found));
+        let entry = journal::entry(&json, &directory.head().columns).filter(is_of_point).ok_or_else(|| {
             anyhow!(
-                "{}: the row of point {index} has values of other kinds than its columns",
+                "{}: the row of point {index} has values of other kinds than its columns, or of another point; delete its \
+                 line, and the sweep computes it again",
                 directory.rows().display()
             )
         })?;
@@ -114,11 +118,7 @@ pub(super) fn rows(
 
 /// Refuses two rows of one point that differ in a bit.
 fn same(a: &Entry, b: &Entry, directory: &Directory) -> Result<(), Failure> {
-    let same = |(a, b): (&Cell, &Cell)| match (a, b) {
-        (Cell::Double(a), Cell::Double(b)) => a.to_bits() == b.to_bits(),
-        (a, b) => a == b,
-    };
-    if a.cells.len() == b.cells.len() && a.cells.iter().zip(&b.cells).all(same) {
+    if a.cells.len() == b.cells.len() && a.cells.iter().zip(&b.cells).all(|(a, b)| is_same(a, b)) {
         return Ok(());
     }
     Err(Failure::Failed(anyhow!(
@@ -126,6 +126,13 @@ fn same(a: &Entry, b: &Entry, directory: &Directory) -> Result<(), Failure> {
         a.index,
         directory.rows().display()
     )))
+}
+
+fn is_same(a: &Cell, b: &Cell) -> bool {
+    match (a, b) {
+        (Cell::Double(a), Cell::Double(b)) => a.to_bits() == b.to_bits(),
+        (a, b) => a == b,
+    }
 }
 
 /// Goes through the existing rows, and writes the results, their statistics and the timings if `write` says so.
@@ -140,7 +147,7 @@ pub(super) fn merge(sweep: &Sweep, directory: &Directory, write: bool) -> Result
         Err(TableError::Busy { .. }) => None,
         Err(error) => return Err(error.into()),
     };
-    rows(directory, sweep.point_count(), |entry, json| {
+    rows(directory, sweep, |entry, json| {
         merged.rows += 1;
         if error.and_then(|place| entry.cells.get(place)).is_some_and(|cell| *cell != Cell::Empty) {
             merged.failed.add(entry.index);
@@ -295,29 +302,31 @@ mod tests {
     use std::path::Path;
 
     /// The sweep of so many points in a directory, and the indices of its rows after some were written.
-    fn found(text: &str, written: &[u64]) -> Vec<u64> {
+    fn found(text: &str, written: &[u64], alpha: f64) -> Result<Vec<u64>, Failure> {
         let no_files = |_: &Path| Err(std::io::ErrorKind::NotFound.into());
         let sweep = Sweep::from_toml(text, Path::new("s.toml"), no_files, Hooks::NONE).expect("valid");
         let place = tempfile::tempdir().expect("tempdir");
         let directory = Directory::open(place.path(), &sweep, false).expect("empty");
         let journal = directory.journal(Shard::WHOLE, |_| ()).expect("ours");
         for index in written {
-            let cells = vec![Cell::Empty; directory.head().columns.len()];
+            let mut cells = vec![Cell::Empty; directory.head().columns.len()];
+            cells[0] = Cell::Double(alpha);
             journal.append(&Entry { index: *index, wall_s: 1.0, cells }).expect("disk");
         }
         let mut found = Vec::new();
-        rows(&directory, sweep.point_count(), |row, _| {
+        rows(&directory, &sweep, |row, _| {
             found.push(row.index);
             Ok(())
-        })
-        .expect("readable");
-        assert_eq!(present(&directory, sweep.point_count()).expect("readable").count(), found.len() as u64);
-        found
+        })?;
+        assert_eq!(present(&directory, sweep.point_count())?.count(), found.len() as u64);
+        Ok(found)
     }
 
     #[test]
     fn rows_of_points_that_the_sweep_does_not_have_do_not_count() {
         let text = "[base]\npreset = \"homogeneous\"\n[grid]\nchain.alpha = [1.5, 2.0]\n";
-        assert_eq!(found(text, &[7, 1, 2, u64::MAX, 1]), [1]);
+        assert_eq!(found(text, &[7, 1, 2, u64::MAX, 1], 2.0).expect("readable"), [1]);
+        // the value of point 0 in the row of point 1
+        assert!(found(text, &[1], 1.5).is_err());
     }
 }

@@ -36,6 +36,23 @@ fn a_configuration_file_is_run() {
     assert_eq!(info["complete"], true);
 }
 
+/// With `--force`, too, no recording replaces what its run was read from.
+#[test]
+fn no_run_replaces_its_inputs() {
+    let place = Place::new();
+    place.run("run --preset homogeneous --beads 20 --duration 1e-4 --out from.mcap").exits(0);
+    place.write("push.mcap", "time_s,value\n0.0,0.0\n5e-4,3.0\n");
+    let chain =
+        "chain = { beads = 20, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }\ntime.duration_s = 1e-4\n";
+    let names = "initial.from = { recording = \"from.mcap\", step = 1 }\n\
+                 [[drive]]\nbead = 0\nforce_n = { csv = \"push.mcap\" }\n";
+    place.write("config.mcap", &format!("{chain}{names}"));
+    for name in ["config.mcap", "from.mcap", "push.mcap"] {
+        place.run(&format!("run config.mcap --out {name} --force")).exits(2).says(&[name, "source itself"]);
+    }
+    place.run("run config.mcap --out run.mcap").exits(0);
+}
+
 /// No source of their numbers was found; the message names the numbers that take their place.
 #[test]
 fn materials_without_a_source_have_no_name() {

@@ -138,6 +138,10 @@ fn what_cannot_be_exported_is_refused_before_anything_is_written() {
     refused("full.mcap --out e.csv --to npz", &["csv", "npz"]);
     refused("full.mcap --out full.mcap --to npz", &["source itself"]);
     refused("full.mcap --out none/e.npz", &["directory"]);
+    // nor by what goes with a table
+    fs::copy(place.path("full.mcap"), place.path("e.chain.csv")).unwrap();
+    place.run("export e.chain.csv --out e.csv --force").exits(2).says(&["source itself"]);
+    fs::remove_file(place.path("e.chain.csv")).unwrap();
     refused("full.mcap --out e.npz --beads 3..13", &["--beads 3..13", "beads 0 to 11"]);
     refused("full.mcap --out e.npz --beads 3..3", &["at least one bead"]);
     refused("full.mcap --out e.npz --beads 3", &["100..200"]);

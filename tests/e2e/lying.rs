@@ -325,3 +325,24 @@ fn a_stop_between_two_states_is_obeyed() {
     assert_eq!((&found["stopped_after_step"], &found["steps_recomputed"]), (&0.into(), &0.into()));
     assert_eq!(found["verdict"], "STOPPED before it was proven");
 }
+
+/// No run begins with a state that was not computed by the dynamics of its recording.
+#[test]
+fn an_initial_state_between_recorded_ones_is_proven() {
+    let place = Place::new();
+    let (mut manifest, mut states) = run(&place);
+    states.retain(|(step, _)| step.is_multiple_of(100));
+    manifest.physics.alpha = 2.5;
+    write(&place, "other.mcap", &manifest, &BeginRecord::default(), &states, EndReason::Interrupted);
+    for (step, code) in [(100, 0), (150, 2)] {
+        let from = format!(
+            "initial.from = {{ recording = \"other.mcap\", step = {step} }}\ntime.duration_s = 1e-4\n"
+        );
+        let chain = "chain = { beads = 60, bead_mass_kg = 1e-3, alpha = 1.5, stiffness = 1e7 }\n";
+        place.write("from.toml", &format!("{chain}{from}"));
+        let ended = place.run("run from.toml --dry-run").exits(code);
+        if code != 0 {
+            ended.says(&["initial.from", "the state of step 100 leads to"]);
+        }
+    }
+}

@@ -245,6 +245,7 @@ fn a_directory_is_of_one_sweep() {
     place.write("mine/notes.txt", "keep me");
     place.run("sweep s.toml --out mine").exits(2).says(&["mine", "notes.txt", "another directory"]);
     assert_eq!(place.read("mine/notes.txt"), "keep me");
+    assert!(!place.path("mine/rows").exists());
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub mod row;
 pub mod series;
 
 pub use columns::{ERROR_COLUMN, columns, parameter_cell};
-pub use prepare::prepared;
+pub use prepare::{files_of, prepared};
 
 use producer::sweep::Hooks;
 

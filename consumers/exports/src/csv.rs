@@ -7,6 +7,9 @@ use schemas::whole_file::{WholeFile, WholeFileError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// Names of the files beside the table of states: those of the beads and of the manifest.
+pub(super) const BESIDE: [&str; 2] = ["chain.csv", "manifest.json"];
+
 /// The three files.
 pub(super) struct Csv {
     excerpt: Excerpt,
@@ -22,10 +25,10 @@ struct Tables {
 
 impl Csv {
     pub(super) fn create(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Self, WholeFileError> {
-        let beside = |name| beside(path, Format::Csv, name);
+        let [beads, manifest] = BESIDE.map(|name| beside(path, Format::Csv, name));
         let states = Table::create(path, &columns(excerpt), replace)?;
         let mut csv = Self { excerpt: excerpt.clone(), tables: None, manifest: None };
-        let chain = match chain_table(&beside("chain.csv"), excerpt, replace) {
+        let chain = match chain_table(&beads, excerpt, replace) {
             Ok(chain) => chain,
             Err(error) => {
                 states.discard();
@@ -34,7 +37,7 @@ impl Csv {
         };
         // from here on an error removes both
         csv.tables = Some(Tables { states, chain });
-        csv.manifest = Some(WholeFile::create(&beside("manifest.json"), replace)?);
+        csv.manifest = Some(WholeFile::create(&manifest, replace)?);
         Ok(csv)
     }
 }

@@ -144,6 +144,17 @@ impl Format {
         }
     }
 
+    /// The files of an export to `path`, that one first.
+    pub fn files(self, path: &Path) -> Vec<PathBuf> {
+        let names: &[&str] = match self {
+            Self::Csv => &csv::BESIDE,
+            Self::Parquet => &[parquet::CHAIN],
+            Self::Npz | Self::Foxglove => &[],
+        };
+        let beside = names.iter().map(|name| beside(path, self, name));
+        std::iter::once(path.to_owned()).chain(beside).collect()
+    }
+
     /// Begins an export of `excerpt` to `path`. A file of that name, or what an export has left of one, is in the
     /// way unless `replace`.
     ///

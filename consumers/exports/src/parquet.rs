@@ -25,6 +25,9 @@ const GROUP_ROWS: usize = 1 << 18;
 /// Key of the manifest in the metadata of the file.
 const MANIFEST_KEY: &str = "beadline.manifest";
 
+/// Name of the file of the beads.
+pub(super) const CHAIN: &str = "chain.parquet";
+
 /// The columns of lists.
 const LISTS: [&str; 2] = ["displacement_m", "velocity_m_s"];
 
@@ -51,7 +54,7 @@ pub(super) struct Parquet {
 impl Parquet {
     pub(super) fn create(path: &Path, excerpt: &Excerpt, replace: bool) -> Result<Self, WholeFileError> {
         let file = WholeFile::create(path, replace)?;
-        let chain = chain_table(&beside(path, Format::Parquet, "chain.parquet"), excerpt, replace)?;
+        let chain = chain_table(&beside(path, Format::Parquet, CHAIN), excerpt, replace)?;
         let writer = begin(&file, excerpt).map_err(|error| error_of(&file, error))?;
         Ok(Self {
             writer,
