@@ -130,7 +130,7 @@ pub(crate) struct PlotArgs {
     /// The column of the y axis, repeatable [default: the first result that differs from row to row]
     #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
     pub(crate) y: Vec<String>,
-    /// A curve for each value of this column, or `none` [default: a swept column of at most 8 values, if there is one]
+    /// A curve for each value of this column, or `none` [default: a swept column of at most 8 values that rows share, if there is one]
     #[arg(long, value_name = "COLUMN", help_heading = TABLES)]
     pub(crate) by: Option<String>,
     /// This column in colours over two swept ones

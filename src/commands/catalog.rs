@@ -45,9 +45,9 @@ const COLUMNS: [Of; 44] = [
     ("bead_mass_kg", Double, |_, physics| double(physics.bead_mass_kg)),
     ("alpha", Double, |_, physics| of_the_law(physics, physics.alpha)),
     ("stiffness", Double, |_, physics| of_the_law(physics, physics.stiffness)),
-    ("impurities", Integer, |_, physics| integer(physics.impurities.len() as u64)),
-    ("impurity_bead", Integer, |_, physics| integer(physics.impurities.first().map(|first| first.bead))),
-    ("impurity_mass_kg", Double, |_, physics| double(physics.impurities.first().map(|first| first.mass_kg))),
+    ("impurities", Integer, |_, physics| integer(physics.odd_beads().count() as u64)),
+    ("impurity_bead", Integer, |_, physics| integer(physics.odd_beads().next().map(|first| first.bead))),
+    ("impurity_mass_kg", Double, |_, physics| double(physics.odd_beads().next().map(|first| first.mass_kg))),
     ("strikers", Integer, |_, physics| integer(strikers(physics).count() as u64)),
     ("striker_bead", Integer, |_, physics| integer(strikers(physics).next().map(|first| first.bead))),
     ("striker_velocity_m_s", Double, |_, physics| {

@@ -55,12 +55,13 @@ fn text(info: &RecordingInfo, is_being_written: bool) -> String {
     let (physics, provenance) = (&info.manifest.physics, &info.manifest.provenance);
     let time = info.time_range_s().map_or("none".to_owned(), |(first, last)| {
         let every = match provenance.record_every_steps {
+            _ if info.covered_steps() == 0 => String::new(),
             steps if steps != 1 && info.frames() != info.covered_steps() + 1 => {
-                format!("every {} steps", count(steps))
+                format!(", every {} steps", count(steps))
             }
-            _ => "every step".to_owned(),
+            _ => ", every step".to_owned(),
         };
-        format!("{} to {}, {every}", seconds(first), seconds(last))
+        format!("{} to {}{every}", seconds(first), seconds(last))
     });
     let mut rows = Rows::default();
     rows.add("state", state(info, is_being_written));
@@ -102,8 +103,7 @@ pub(crate) fn of_physics(physics: &Physics) -> Rows {
     }
     let is_changed = physics.disorder.iter().any(|disorder| disorder.of != Disordered::Stiffnesses);
     let before = if is_changed { " before disorder" } else { "" };
-    let impurities =
-        physics.impurities.iter().map(|i| format!("bead {} of {} kg{before}", i.bead, i.mass_kg));
+    let impurities = physics.odd_beads().map(|i| format!("bead {} of {} kg{before}", i.bead, i.mass_kg));
     rows.add("impurities", some_of(impurities));
     let strikers = std::iter::once(&physics.striker).chain(&physics.strikers);
     let strikers = strikers

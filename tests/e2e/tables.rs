@@ -225,6 +225,21 @@ fn a_law_through_rows_of_several_parameters_says_so() {
     assert_eq!(told["averaged_over"], json!(["disorder[0].uniform"]));
 }
 
+/// A curve for each value of the swept key would have one point.
+#[test]
+fn a_result_over_another_is_one_curve() {
+    let place = Place::new();
+    let mut csv = "index,v,end,force,speed\n".to_owned();
+    for i in 1..7 {
+        let _ = writeln!(csv, "{i},{i},complete,{},{i}", i * i);
+    }
+    place.write("r.csv", &csv);
+    let told = plot(&place, "r.csv --x force --y speed --fit --out f.svg");
+    assert_eq!(told["by"], json!(null));
+    assert!((told["fits"][0]["exponent"].as_f64().unwrap() - 0.5).abs() < 1e-9);
+    place.run("plot r.csv --x force --y speed --by v --fit --out g.svg").exits(2).says(&["`--by none`"]);
+}
+
 #[test]
 fn samples_are_points_and_words_are_no_axis() {
     let place = Place::new();

@@ -314,7 +314,7 @@ impl Lyapunov {
 
     /// The sum of the exponents (1/s) above zero.
     fn entropy_per_s(&self) -> f64 {
-        self.exponents_per_s().into_iter().filter(|exponent| *exponent > 0.0).sum()
+        self.exponents_per_s().iter().fold(0.0, |sum, exponent| sum + exponent.max(0.0))
     }
 
     /// The largest sum (1/s) of an exponent and its partner.

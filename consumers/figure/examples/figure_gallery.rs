@@ -190,5 +190,5 @@ fn awkward() -> Figure {
         .panel(
             Panel::new().x_axis("one value (s)").y_axis("u (m)").line("constant", [(0.5, 1e-4), (2.5, 1e-4)]),
         )
-        .panel(many.note("two lines\nof a note"))
+        .panel(many.note("a note at the end"))
 }

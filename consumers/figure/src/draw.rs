@@ -8,7 +8,7 @@ use super::raster::{Cells, Raster};
 use super::sheet::{Anchor, Element, Pen, Rect, Sheet};
 use super::style::{Colour, Ink, Mark};
 use super::text::{CAP_HEIGHT, width};
-use super::{Figure, Size, decimate, legend, note};
+use super::{Figure, Size, decimate, legend};
 
 /// Bytes that all curves of a figure may take; with a raster of 0.4 MB a file stays below 1 MB.
 const CURVE_BYTES: usize = 500_000;
@@ -72,17 +72,16 @@ impl Drawing<'_> {
         let placed = self.placed;
         legend::draw(self.sheet, &placed.legend, placed.frame, self.look);
         legend::draw_title(self.sheet, &placed.panel.title, placed.frame, self.look);
-        let drawn = self.contents(placed.panel, dots_per_point);
+        self.contents(placed.panel, dots_per_point);
         self.x_axis();
         self.y_axis();
         self.colour_bar(dots_per_point);
         let pen = Pen::solid(INK, self.look.frame);
         self.sheet.outline(placed.frame, pen);
-        note::draw(self.sheet, &placed.panel.note, placed.frame, &drawn, self.look);
     }
 
-    /// Draws bands, raster, lines and curves of `panel` within the axes; gives back the places that the curves pass.
-    fn contents(&mut self, panel: &Panel, dots_per_point: Option<f64>) -> Vec<Vec<(f64, f64)>> {
+    /// Draws bands, raster, lines and curves of `panel` within the axes.
+    fn contents(&mut self, panel: &Panel, dots_per_point: Option<f64>) {
         self.sheet.elements.push(Element::Clip(self.placed.frame));
         for band in panel.references.iter().filter(|item| !item.is_line()) {
             self.band(band);
@@ -98,12 +97,10 @@ impl Drawing<'_> {
                 self.curve_band(band, ink.colour);
             }
         }
-        let mut drawn = Vec::new();
         for (curve, ink) in panel.curves.iter().zip(panel.inks()) {
-            drawn.extend(self.curve(curve, ink));
+            self.curve(curve, ink);
         }
         self.sheet.elements.push(Element::EndClip);
-        drawn
     }
 
     fn x(&self, value: f64) -> Option<f64> {
@@ -203,11 +200,9 @@ impl Drawing<'_> {
         }
     }
 
-    /// Draws a curve; gives back the places that its line passes and its markers mark.
-    fn curve(&mut self, curve: &Curve, ink: Ink) -> Vec<Vec<(f64, f64)>> {
+    fn curve(&mut self, curve: &Curve, ink: Ink) {
         let places = curve.points.iter().map(|&(x, y)| Some((self.x(x)?, self.y(y)?)));
         let places: Vec<Option<(f64, f64)>> = places.collect();
-        let mut drawn = Vec::new();
         if let Some(stroke) = ink.stroke {
             // on a raster of any colour a line needs a ground, which is drawn like it
             let has_ground = self.placed.panel.raster.is_some();
@@ -217,9 +212,7 @@ impl Drawing<'_> {
                 let piece: Vec<_> = piece.iter().copied().flatten().collect();
                 // Each piece gets its part of the limit.
                 let part = limit * piece.len() / places.len().max(1);
-                let piece = decimate::line(&piece, part);
-                path.extend(line_path(&piece));
-                drawn.push(piece);
+                path.extend(line_path(&decimate::line(&piece, part)));
             }
             let pen = self.look.curve_pen(ink, stroke);
             if has_ground && !path.is_empty() {
@@ -233,9 +226,7 @@ impl Drawing<'_> {
             let marked: Vec<_> = places.into_iter().flatten().collect();
             let marked = decimate::marks(&marked, self.curve_bytes / MARK_BYTES);
             self.marks(mark, ink.colour, &marked);
-            drawn.extend(marked.into_iter().map(|place| vec![place]));
         }
-        drawn
     }
 
     /// Fills the area of a band, piece by piece.
@@ -419,7 +410,7 @@ mod tests {
                 .line(long.as_str(), [(0.0, -scale), (1e6, scale)])
                 .points("p", [(f64::NAN, 0.0), (3.0, f64::INFINITY), (5.0, scale)])
                 .vertical("at", 1e6)
-                .note("note\nin two lines")
+                .note("a note")
         };
         let figure = Figure::new()
             .caption(long.repeat(3) + &"x".repeat(500))

@@ -1,4 +1,4 @@
-//! The legend: rows of swatches and names above the axes.
+//! The legend: rows of swatches and names above the axes, and a note.
 
 use super::look::{LEADING, Look};
 use super::panel::Panel;
@@ -35,7 +35,7 @@ impl Swatch {
 #[derive(Debug)]
 pub(super) struct Entry {
     x: f64,
-    /// Nothing where the name goes on from the row above.
+    /// None where the name goes on from the row above, and before a note.
     swatch: Option<Swatch>,
     name_x: f64,
     name: String,
@@ -43,18 +43,20 @@ pub(super) struct Entry {
 
 pub(super) type Row = Vec<Entry>;
 
-fn entries(panel: &Panel) -> Vec<(Swatch, &str)> {
+/// Names with their swatches; the note has none.
+fn entries(panel: &Panel) -> Vec<(Option<Swatch>, &str)> {
     let mut entries = Vec::new();
     for (curve, ink) in panel.curves.iter().zip(panel.inks()) {
-        entries.push((Swatch::Curve(ink), curve.label.as_str()));
+        entries.push((Some(Swatch::Curve(ink)), curve.label.as_str()));
     }
     for (name, colour) in panel.raster.iter().flat_map(super::Raster::named_classes) {
-        entries.push((Swatch::Area(colour), name));
+        entries.push((Some(Swatch::Area(colour)), name));
     }
     for reference in &panel.references {
         let swatch = if reference.is_line() { Swatch::Reference } else { Swatch::Area(Colour::LightGrey) };
-        entries.push((swatch, reference.label.as_str()));
+        entries.push((Some(swatch), reference.label.as_str()));
     }
+    entries.push((None, panel.note.as_str()));
     entries.retain(|(_, name)| !name.trim().is_empty());
     entries
 }
@@ -64,7 +66,7 @@ pub(super) fn rows(panel: &Panel, size: f64, limit: f64) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     let mut x = limit;
     for (swatch, name) in entries(panel) {
-        let name_x = (swatch.width() + GAP) * size;
+        let name_x = swatch.map_or(0.0, |swatch| (swatch.width() + GAP) * size);
         for (index, line) in wrap(name, size, limit - name_x).into_iter().enumerate() {
             let advance = name_x + width(&line, size);
             if rows.is_empty() || index > 0 || x + advance > limit {
@@ -72,7 +74,7 @@ pub(super) fn rows(panel: &Panel, size: f64, limit: f64) -> Vec<Row> {
                 x = 0.0;
             }
             if let Some(row) = rows.last_mut() {
-                row.push(Entry { x, swatch: (index == 0).then_some(swatch), name_x: x + name_x, name: line });
+                row.push(Entry { x, swatch: swatch.filter(|_| index == 0), name_x: x + name_x, name: line });
             }
             x += advance + BETWEEN * size;
         }
@@ -136,14 +138,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn entries_stay_within_the_axes_and_unnamed_curves_out() {
+    fn entries_stay_within_the_axes_and_unnamed_curves_out_with_a_note_at_the_end() {
         let long = "a name that is a good deal longer than one row of this legend is wide";
         let panel = Panel::new()
             .line("u", [])
             .line("", [])
             .line(long, [])
             .vertical("impurity", 5.0)
-            .band_x("window", 0.0, 1.0);
+            .band_x("window", 0.0, 1.0)
+            .note("a note");
         let rows = rows(&panel, 7.0, 120.0);
         assert!(rows.len() > 3);
         for entry in rows.iter().flatten() {
@@ -151,5 +154,7 @@ mod tests {
             assert!(right <= 120.0, "{entry:?}");
             assert!(!entry.name.is_empty());
         }
+        let last = rows.iter().flatten().last().map(|entry| (entry.swatch, entry.name.as_str()));
+        assert_eq!(last, Some((None, "a note")));
     }
 }

@@ -45,7 +45,6 @@ mod draw;
 mod layout;
 mod legend;
 mod look;
-mod note;
 mod panel;
 mod path;
 mod pdf;

@@ -100,7 +100,7 @@ impl Reference {
 
 /// One pair of axes and its contents: first bands, then the raster, reference lines, curves.
 ///
-/// The legend stands in rows above the axes, where it can hide nothing.
+/// The legend stands in rows above the axes, with the note at its end, where they can hide nothing.
 #[derive(Debug, Clone)]
 #[must_use]
 pub struct Panel {
@@ -194,7 +194,7 @@ impl Panel {
         self
     }
 
-    /// Sets a short text inside the axes, in the corner where it hides least; `\n` breaks lines.
+    /// Sets a short text at the end of the legend.
     pub fn note(mut self, text: impl Into<String>) -> Self {
         self.note = text.into();
         self

@@ -41,7 +41,8 @@ impl Scale {
         if let Some((a, b)) = axis.limits {
             let usable = scale(a, b);
             if a != b && usable.holds(a) && usable.holds(b) {
-                return scale(a.min(b), a.max(b));
+                let (low, high) = widen(a.min(b), a.max(b), 0.0);
+                return scale(low, high);
             }
         }
         let probe = scale(1.0, 10.0);

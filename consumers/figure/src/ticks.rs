@@ -58,14 +58,8 @@ impl Scale {
         let unseen = UNSEEN * (self.to - self.from) / step;
         let first = (self.from / step - unseen).ceil();
         let last = (self.to / step + unseen).floor();
-        let mut index = first;
-        std::iter::from_fn(move || {
-            let value = index * step;
-            (index <= last && index - first < 1000.0).then(|| {
-                index += 1.0;
-                value
-            })
-        })
+        let multiples = (0..1000_u16).map(move |index| first + f64::from(index));
+        multiples.take_while(move |multiple| *multiple <= last).map(move |multiple| multiple * step)
     }
 
     fn log_ticks(&self, count: usize) -> Ticks {
@@ -305,5 +299,13 @@ mod tests {
                 assert!(ticks.major.iter().all(|tick| (-0.01..=1.01).contains(&tick.0)));
             }
         }
+    }
+
+    #[test]
+    fn limits_that_differ_by_rounding_have_some_room() {
+        let value = 1.8e-6;
+        let axis = Axis::new("").limits(value, value * (1.0 + 4.0 * f64::EPSILON));
+        assert_eq!(labels(&axis, 4), ["1.7", "1.8", "1.9"]);
+        assert_eq!(labels(&axis.log(), 4), ["1.7", "1.8", "1.9"]);
     }
 }

@@ -318,10 +318,10 @@ fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     match (farthest, field) {
         (None, _) | (_, Field::Velocity | Field::Energy) => String::new(),
         (Some(farthest), Field::Displacement) => {
-            format!("{} beyond the frame,\nas far as {}", number_of("bead"), length(farthest))
+            format!("{} beyond the frame, as far as {}", number_of("bead"), length(farthest))
         }
         (Some(farthest), Field::Overlap) => {
-            format!("{},\nup to {}", number_of("wider gap"), length(-farthest))
+            format!("{}, up to {}", number_of("wider gap"), length(-farthest))
         }
     }
 }

@@ -50,7 +50,11 @@ fn in_words(said: &str, key: String, written: &str) -> (String, String) {
         return (key, format!("missing; {EXAMPLE}"));
     }
     if let Some((found, expected)) = said.strip_prefix("unknown field ").and_then(|s| s.split_once(", ")) {
-        let hint = did_you_mean(found.trim_matches('`'), each_name(expected));
+        let hint = match key.as_str() {
+            "orbit" | "continue" => "; a file with it is for `beadline orbit`".to_owned(),
+            "base" | "grid" => "; a file with it is for `beadline sweep` or `beadline orbit`".to_owned(),
+            _ => did_you_mean(found.trim_matches('`'), each_name(expected)),
+        };
         return (key, format!("found the unknown key {found}; allowed: {}{hint}", names(expected)));
     }
     let choice =
@@ -184,6 +188,7 @@ mod tests {
             ("bead_mass_kg", "bead_mass", "bonds; did you mean `bead_mass_kg`?"),
             ("[stream]", "[steram]", "provenance; did you mean `stream`?"),
             ("{ taper = 0.9 }", "{ tapper = 0.9 }", "{ list_kg = […] }; did you mean `taper`?"),
+            ("[striker]", "[orbit]\n[striker]", "provenance; a file with it is for `beadline orbit`"),
             ("[striker]", "[hitter]", "hitter: found the unknown key `hitter`; allowed: name, seed, chain"),
             (
                 "{ taper = 0.9 }",

@@ -249,7 +249,11 @@ fn curves_of(
         if let Some(stretch) = args.fit {
             panel.fit(stretch, band);
             if panel.curves.iter().all(|curve| curve.fit.is_none()) {
-                return Err(bad_input!("--fit needs three points above 0 of a curve of {y}"));
+                let apart = match &choice.by {
+                    Some(by) => format!("; there is a curve for each {by}, and with `--by none` one for all"),
+                    None => String::new(),
+                };
+                return Err(bad_input!("--fit needs three points above 0 of a curve of {y}{apart}"));
             }
             for curve in panel.curves.iter().filter(|curve| curve.fit.is_none()) {
                 notice!(

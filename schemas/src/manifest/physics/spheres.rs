@@ -2,7 +2,7 @@
 
 use super::check::check_positive;
 use super::{Physics, usize_of};
-use crate::config::{ConfigError, End, Sphere, Spheres, WallMaterial};
+use crate::config::{ConfigError, End, Impurity, OddSphere, Sphere, Spheres, WallMaterial};
 use std::collections::BTreeSet;
 
 impl Physics {
@@ -78,6 +78,12 @@ impl Physics {
             }
             None => Ok(()),
         }
+    }
+
+    /// The impurities, and the odd spheres with their masses, before any disorder.
+    pub fn odd_beads(&self) -> impl Iterator<Item = Impurity> {
+        let odd = |odd: &OddSphere| Impurity { bead: odd.bead, mass_kg: odd.sphere.mass_kg() };
+        self.impurities.iter().copied().chain(self.odd_spheres.iter().map(odd))
     }
 
     /// The sphere of each bead, before any disorder; none in a chain of masses.

@@ -78,8 +78,11 @@ impl Choice {
             (None, None) => return Err(nothing_varies(columns)),
         };
         let y = if args.y.is_empty() { vec![default_result(columns, &x)?] } else { args.y.clone() };
-        let few =
-            |(name, keys): &&(&str, Keys)| *name != x && *name != SEED && keys.known.len() <= MOST_CURVES;
+        let few = |(name, keys): &&(&str, Keys)| {
+            // each row would be a curve of one point
+            let is_of_points = keys.known.len() == columns.row_count() && columns.is_numeric(name);
+            *name != x && *name != SEED && keys.known.len() <= MOST_CURVES && !is_of_points
+        };
         let by = asked_by.cloned().or_else(|| {
             let first = varying.iter().filter(|(name, _)| !y.iter().any(|y| y == name)).find(few);
             first.map(|(name, _)| (*name).to_owned()).filter(|_| args.by.is_none())

@@ -61,11 +61,11 @@ impl Gaps {
         (!said.is_empty()).then(|| said.join(", "))
     }
 
-    /// The words for the inside of a panel.
+    /// The words at the end of a panel's legend.
     pub(super) fn note(&self) -> String {
         if self.without_value == 0 {
             return String::new();
         }
-        format!("{} of {} rows\nhave no value", count(self.without_value), count(self.rows))
+        format!("{} of {} rows have no value", count(self.without_value), count(self.rows))
     }
 }

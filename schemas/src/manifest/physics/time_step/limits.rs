@@ -133,9 +133,8 @@ impl Physics {
     /// True for each bead that is an impurity or an odd sphere.
     fn impurity_marks(&self) -> Vec<bool> {
         let mut marks = vec![false; usize_of(self.beads)];
-        let odd = self.odd_spheres.iter().map(|odd| odd.bead);
-        for bead in self.impurities.iter().map(|impurity| impurity.bead).chain(odd) {
-            marks[usize_of(bead)] = true;
+        for odd in self.odd_beads() {
+            marks[usize_of(odd.bead)] = true;
         }
         marks
     }
