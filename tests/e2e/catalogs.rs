@@ -63,12 +63,12 @@ fn a_catalog_has_a_row_for_each_recording() {
 fn an_odd_sphere_is_an_impurity() {
     let place = Place::new();
     place.write(
-        "odd.toml",
+        "runs/odd.toml",
         "[chain]\nbeads = 9\nspheres = { material = \"steel\", radius_m = 5e-3 }\n\
          odd_spheres = [{ bead = 3, material = \"steel\", radius_m = 4e-3 }]\n\
          [striker]\nbead = 0\nvelocity_m_s = 0.1\n[time]\nduration_s = 1e-5\n",
     );
-    place.run("run odd.toml --out runs/odd.mcap").exits(0);
+    place.run("run runs/odd.toml --out runs/odd.mcap").exits(0);
     place.run("catalog runs --out catalog.csv").exits(0);
     let table = place.read("catalog.csv");
     assert_eq!(["impurities", "impurity_bead"].map(|name| column(&table, name)), [["1"], ["3"]]);

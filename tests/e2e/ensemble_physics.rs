@@ -14,9 +14,10 @@ fn means(place: &Place, table: &str, column: &str) -> Vec<[f64; 2]> {
     let csv = place.read(table);
     let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let head = lines.next().unwrap();
-    let at = |name: String| head.iter().position(|found| *found == name).expect("a column");
+    // from the end, because a key may be a table with commas in it
+    let at = |name: String| head.iter().rev().position(|found| *found == name).expect("a column");
     let places = [at(format!("mean_{column}")), at(format!("standard_error_{column}"))];
-    lines.map(|line| places.map(|place| line[place].parse().unwrap())).collect()
+    lines.map(|line| places.map(|place| line[line.len() - 1 - place].parse().unwrap())).collect()
 }
 
 /// A place with a changed example.
