@@ -182,7 +182,7 @@ pub struct Pulse {
     pub fate: Fate,
     /// Beads at which its crest was seen.
     pub bead_count: u64,
-    /// Its values at the last bead where it could be measured undisturbed.
+    /// Its values at the last bead where it could be measured undisturbed; if there is none, where its velocity changed least.
     pub measured: Measured,
     /// Its speed relative to that of the exact solitary wave of the same peak velocity; none where there is no
     /// such wave, as in a loaded chain or for α = 1.

@@ -9,8 +9,8 @@ mod salvager;
 
 use crate::resimulation::{Difference, OtherKernel};
 use recording::{
-    Audit, Audited, BeginRecord, Damage, DamageKind, EncodedStates, EndRecord, OtherCopier, ReadError,
-    RecordingWriter, WriteError,
+    Audit, Audited, BeginRecord, CopyError, Damage, DamageKind, EncodedStates, EndRecord, OtherCopier,
+    ReadError, RecordingWriter, WriteError,
 };
 use salvager::Salvager;
 use schemas::frame::EndReason;
@@ -50,6 +50,10 @@ pub struct Recovery {
     pub lost_count: u64,
     /// Numbers of kept and lost messages of other channels, by topic.
     pub others: BTreeMap<String, OtherCounts>,
+    /// Attachments, metadata and private records of others that were copied.
+    pub kept_records: Vec<String>,
+    /// Those that could not be.
+    pub lost_records: Vec<String>,
     /// Damages of the file; the first ones.
     pub damages: Vec<Damage>,
     /// Number of damages.
@@ -76,7 +80,9 @@ pub struct OtherCounts {
 impl Recovery {
     /// True if everything in the file was right, and is in the new one.
     pub fn is_whole(&self) -> bool {
-        self.lost_count + self.difference_count == 0 && self.others.values().all(|counts| counts.lost == 0)
+        self.lost_count + self.difference_count == 0
+            && self.others.values().all(|counts| counts.lost == 0)
+            && self.lost_records.is_empty()
     }
 
     /// True if the file has states, and its manifest leads to none of them but that of step 0.
@@ -94,6 +100,9 @@ pub enum RecoveryError {
     /// The new file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The contents of others cannot be copied.
+    #[error(transparent)]
+    Copy(#[from] CopyError),
     /// The caller asked to stop.
     #[error("stopped before everything was read")]
     Stopped,
@@ -141,7 +150,12 @@ pub fn recover(
         }
     }
     let end = audit.end().cloned();
-    let mut recovery = salvager.finish(end.as_ref(), loses_tail(&audit))?;
+    let loses_tail = loses_tail(&audit);
+    let records = audit.other_records().clone();
+    let mut recovery = salvager.finish(end.as_ref(), loses_tail)?;
+    records.copy(audit.path(), writer)?;
+    recovery.kept_records = records.whole.into_values().collect();
+    recovery.lost_records = records.lost.into_iter().collect();
     count_lost(&mut others, &unchecked, &audit.lost_counts(), expected);
     recovery.others = others;
     recovery.damages = audit.damages().to_vec();

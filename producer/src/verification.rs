@@ -58,6 +58,8 @@ pub struct Verification {
     pub rows: BTreeMap<String, RowsFound>,
     /// Messages of other channels by topic, which are not checked.
     pub foreign: BTreeMap<String, u64>,
+    /// Attachments, metadata and private records of others, of which nothing is known.
+    pub other_records: Vec<String>,
     /// The configuration as the user gave it, if it is there.
     pub run_toml: Option<String>,
     /// True if there is a summary section; it was compared with the rest of the file.
@@ -202,6 +204,7 @@ impl Read {
             summary_count: self.summary_count,
             rows: audit.rows().clone(),
             foreign: audit.foreign_counts(),
+            other_records: audit.other_records().clone().into_names(),
             run_toml: audit.run_toml().map(str::to_owned),
             has_summary_section: audit.has_summary_section(),
             first: self.first,

@@ -131,7 +131,7 @@ pub(crate) struct ReplayArgs {
 #[command(after_help = "Example:\n  \
     beadline thin run.mcap --every-steps 100 --out sparse.mcap\n\n\
     `thin` proves every state on the way: it recomputes the state from the one before. `beadline expand` brings the \
-    others back. Other channels (results, and those of other programs) stay whole. \
+    others back. Other channels (results, and those of other programs), attachments and metadata stay whole. \
     K is a multiple of the steps between two frames of the run.")]
 pub(crate) struct ThinArgs {
     /// The recording
@@ -147,9 +147,9 @@ pub(crate) struct ThinArgs {
 #[command(after_help = "Examples:\n  \
     beadline expand sparse.mcap --out full.mcap                       every frame of the run\n  \
     beadline expand sparse.mcap --every-steps 1 --out all.mcap        also the steps between frames\n\n\
-    `expand` proves every state of the recording on the way, and other channels stay whole. K is a multiple of the \
-    steps between two frames of the run, or divides them, and those between two states of the recording. States \
-    between frames then have no frame number, and readers of frames skip them.")]
+    `expand` proves every state of the recording on the way, and other channels, attachments and metadata stay \
+    whole. K is a multiple of the steps between two frames of the run, or divides them, and those between two states \
+    of the recording. States between frames then have no frame number, and readers of frames skip them.")]
 pub(crate) struct ExpandArgs {
     /// The recording
     pub(crate) file: PathBuf,
@@ -184,7 +184,7 @@ pub(crate) struct RewriteArgs {
     beadline verify run.mcap --json              the same for a program\n\n\
     `verify` prints three lists. It proved the first by computing it again: each state from the one before, the first \
     state from the manifest, summaries, rows of our analyses. It compared the second: every checksum, index and \
-    number, schemas, `run.toml`. It cannot know the third: who made the file, channels of other programs. It names \
+    number, schemas, `run.toml`. It cannot know the third: who made the file, channels and attachments of other programs. It names \
     damage with its chunk and frames, and verifies the rest; `beadline recover` brings the frames back.\n\
     Exit code 3 if any content has changed, frames or rows are missing, the file is cut off, its beginning is not \
     proven, or another kernel version computed the run. In the last case nothing is wrong, but nothing is proven.")]

@@ -189,6 +189,8 @@ fn text(from: &Path, outcome: &Outcome) -> String {
         let lost = if counts.lost > 0 { format!(", {} LOST", count(counts.lost)) } else { String::new() };
         rows.add("channel", format_args!("{topic}: {} kept{lost}", counted(counts.kept, "message")));
     }
+    rows.each("kept", &recovery.kept_records);
+    rows.each("LOST", &recovery.lost_records);
     rows.each("LOST", recovery.lost.iter().map(|(from, to)| frames(*from, *to)));
     rows.more("LOST", recovery.lost_count, recovery.lost.len(), "");
     if recovery.is_whole() {
@@ -235,6 +237,7 @@ fn to_json(outcome: &Outcome) -> serde_json::Value {
         "lost_count": recovery.lost_count,
         "lost_frames": recovery.lost,
         "other_channels": others.collect::<BTreeMap<_, _>>(),
+        "other_records": { "kept": recovery.kept_records, "lost": recovery.lost_records },
         "damage_count": recovery.damage_count,
         "damages": recovery.damages,
         "other_kernel": recovery.other_kernel.map(|other| other.found),

@@ -251,7 +251,7 @@ impl Rewrite<'_> {
         });
         report(self.json, &rewritten, || {
             let mut rows = Rows::default();
-            rows.add("states", format_args!("{} of {}", count(finished.frames), count(info.frames())));
+            rows.add("states", format_args!("{} from {}", count(finished.frames), count(info.frames())));
             rows.add("size", format_args!("{} from {}", bytes(finished.bytes), bytes(info.file_bytes)));
             rows.add("proven", "every state follows from the one before");
             rows.under(format_args!("{} {done}: {}", self.from.display(), finished.path.display()))

@@ -18,7 +18,7 @@ fn with_small_files(place: &Place, script: &str) -> Running {
 }
 
 fn fails(ended: Ended, what: &str) {
-    ended.exits(1).says(&["run.mcap.partial", what, "accepted frames are lost", "--resume"]);
+    ended.exits(1).says(&["run.mcap.partial", what, "accepted frames are not in it", "--resume"]);
 }
 
 /// What is left after the disk was full is valid and goes on elsewhere.

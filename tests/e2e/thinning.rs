@@ -1,8 +1,8 @@
 //! A sparse recording and a full one are the same run.
 
 use crate::harness::{Place, wait_until};
-use mcap::records::{MessageHeader, Record};
-use mcap::{MessageStream, read::LinearReader};
+use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::{Attachment, MessageStream, read::LinearReader};
 use recording::{BeginRecord, RecordingInfo, RecordingSource, RecordingWriter, WriteOptions};
 use schemas::frame::{EndReason, Frame, FrameSink, FrameSource, Received};
 use std::collections::BTreeMap;
@@ -31,6 +31,19 @@ fn messages(place: &Place, file: &str) -> Vec<(String, u64, Vec<u8>)> {
     MessageStream::new(&bytes).unwrap().map(|found| message(found.unwrap())).collect()
 }
 
+/// Attachments and metadata of others, as another program reads them.
+fn records(place: &Place, file: &str) -> Vec<String> {
+    let bytes = fs::read(place.path(file)).unwrap();
+    let found = LinearReader::new(&bytes).unwrap().filter_map(|record| match record.unwrap() {
+        Record::Metadata(metadata) if metadata.name == "mine" => Some(format!("{metadata:?}")),
+        Record::Attachment { header, data, .. } if header.name != "run.toml" => {
+            Some(format!("{header:?} {data:?}"))
+        }
+        _ => None,
+    });
+    found.collect()
+}
+
 /// The recording `from` again, as another program may write it that adds a channel: a note about every tenth state.
 fn add_notes(place: &Place, from: &str, to: &str) {
     let bytes = fs::read(place.path(from)).unwrap();
@@ -44,6 +57,12 @@ fn add_notes(place: &Place, from: &str, to: &str) {
     let file = BufWriter::new(File::create(place.path(to)).unwrap());
     let mut writer = mcap::WriteOptions::new().profile("beadline").create(file).unwrap();
     writer.write_metadata(&metadata[0]).unwrap();
+    let operator = BTreeMap::from([("operator".to_owned(), "me".to_owned())]);
+    writer.write_metadata(&Metadata { name: "mine".to_owned(), metadata: operator }).unwrap();
+    let (name, media_type) = ("../notes.txt".to_owned(), "text/plain".to_owned());
+    let attachment =
+        Attachment { log_time: 1, create_time: 2, name, media_type, data: b"dark".as_slice().into() };
+    writer.attach(&attachment).unwrap();
     let schema = writer.add_schema("Note", "jsonschema", b"{}").unwrap();
     let notes = writer.add_channel(schema, "/notes", "json", &BTreeMap::new()).unwrap();
     let mut states = 0_u32;
@@ -87,7 +106,15 @@ fn thinned_and_expanded_messages_are_the_same_and_other_channels_stay_whole() {
         assert!(notes(&thinned) == notes(&full) && thinned.len() < full.len() / 10);
         place.run(&format!("expand {sparse} --jobs {jobs} --out {back}")).exits(0);
         assert!(messages(&place, &back) == full, "the messages, or their order, differ");
+        assert_eq!(records(&place, &back), records(&place, "full.mcap"));
     }
+    assert_eq!(records(&place, "full.mcap").len(), 2);
+    let named = ["metadata `mine`", "attachment `../notes.txt`"];
+    for command in ["recover back1.mcap --out whole.mcap", "verify whole.mcap"] {
+        let told = place.run(command).exits(0).stdout();
+        assert!(named.iter().all(|name| told.contains(name)), "{told}");
+    }
+    assert_eq!(records(&place, "whole.mcap"), records(&place, "full.mcap"));
 }
 
 /// States between frames have no frame number; they are proven, lent to who asks for every step, and gone again when

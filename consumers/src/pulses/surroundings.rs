@@ -25,6 +25,8 @@ pub(super) struct Surroundings {
     pub(super) reach: Reach,
     /// The makers of pulses.
     pub(super) origins: Origins,
+    /// Slope (N/m) of each contact at rest; none where resonators slow waves down.
+    tangents_n_per_m: Vec<f64>,
     plain: Plain,
     /// The exact solitary wave, where there is one, of beads that rest before it comes.
     wave: Option<Coefficients>,
@@ -50,11 +52,16 @@ impl Surroundings {
         let wave = SolitaryWave::coefficients_of(manifest.physics.alpha).ok();
         Self {
             obstacles: Obstacles::of(&chain),
-            texture: Texture::of(&chain),
+            texture: Texture::of(&chain, manifest.physics.scales().length_m),
             pulls: chain.is_loaded() || chain.is_bonded,
             drift_m_s: drift_m_s.unwrap_or(0.0),
             reach: Reach::of(wave.as_ref()),
             origins: Origins::of(&manifest.physics),
+            tangents_n_per_m: if chain.sites.has_resonators() {
+                Vec::new()
+            } else {
+                chain.tangents_n_per_m()
+            },
             plain: Plain::of(&manifest.physics, false),
             wave: wave.filter(|_| drift_m_s.is_some()),
             chain,
@@ -110,18 +117,36 @@ impl Surroundings {
         contacts.map(|contact| usize::try_from(contact).unwrap_or_default()).all(closed)
     }
 
-    /// Three times as long (s) as a solitary wave of this peak velocity takes for a bead; a pulse on a load is
-    /// faster.
+    /// Three times as long (s) as a solitary wave of this peak velocity, or sound, if that is faster, takes for a bead.
     pub(super) fn longest_step_s(&self, bead: i64, v_m_s: f64) -> f64 {
-        let bead = usize::try_from(bead).unwrap_or_default().min(self.chain.stiffness.len() - 1);
-        let (mass_kg, stiffness) = match &self.texture {
-            Some(texture) => texture.mass_and_stiffness(bead),
-            None => (self.chain.mass_kg[bead], self.chain.stiffness[bead]),
+        let bead = usize::try_from(bead).unwrap_or_default().min(self.chain.contact_count() - 1);
+        let (mass_kg, contacts) = match &self.texture {
+            Some(texture) => (texture.mass_kg(bead), texture.contacts(bead)),
+            None => (self.chain.mass_kg[bead], bead..bead + 1),
         };
         // C_V is between 0.78 and 1 for any exponent; α = 1 has no solitary wave, but this speed
-        let power = 1.0 / (self.chain.law.alpha() + 1.0);
-        let grows = v_m_s.abs().powf((self.chain.law.alpha() - 1.0) * power);
-        3.0 / (0.78 * (stiffness / mass_kg).powf(power) * grows)
+        let solitary = |(alpha, stiffness): (f64, f64)| {
+            let power = 1.0 / (alpha + 1.0);
+            0.78 * (stiffness / mass_kg).powf(power) * v_m_s.abs().powf((alpha - 1.0) * power)
+        };
+        let speed = |contact: usize| {
+            let terms = self.chain.terms.iter();
+            let powers = terms.filter_map(|term| Some((term.law.exponent()?, term.stiffness_of(contact))));
+            let law = (self.chain.law.alpha(), self.chain.stiffness[contact]);
+            let sound = (self.tangent_n_per_m(contact) / mass_kg).sqrt();
+            powers.chain([law]).map(solitary).fold(sound, f64::max)
+        };
+        3.0 / contacts.map(speed).fold(f64::INFINITY, f64::min)
+    }
+
+    fn tangent_n_per_m(&self, contact: usize) -> f64 {
+        self.tangents_n_per_m.get(contact).copied().unwrap_or(0.0)
+    }
+
+    /// The longest time (s) that a pulse takes for each of several beads: where there is sound it never waits for gaps to close.
+    pub(super) fn longest_wait_s(&self, bead: i64, v_m_s: f64) -> f64 {
+        let sounds = self.tangent_n_per_m(usize::try_from(bead).unwrap_or_default()) > 0.0;
+        if sounds { self.longest_step_s(bead, v_m_s) } else { f64::INFINITY }
     }
 
     /// Momentum (kg·m/s) and energy (J) of the hump around `bead`, from one minimum of the velocity in `history` to the

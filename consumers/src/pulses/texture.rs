@@ -8,7 +8,7 @@ use schemas::active::Active;
 use schemas::chain::Chain;
 use std::ops::Range;
 
-/// Masses or stiffnesses of neighbours in this ratio or a larger one are different: from about there on a bead may move
+/// Masses of neighbours, or forces of contacts, in this ratio or a larger one are different: from about there on a bead may move
 /// fastest several times while one pulse passes.
 const DIFFERENT: f64 = 1.4;
 
@@ -52,16 +52,16 @@ struct Window {
     weights: usize,
     /// Mean mass of its beads (kg).
     mass_kg: f64,
-    /// The smallest stiffness of their contacts (N·m^−α), of one bead that of the next contact.
-    stiffness: f64,
     /// True if the bead is one of the heavy ones.
     carries: bool,
 }
 
 impl Texture {
-    /// The texture of a chain; none if it is even, but for a few impurities and steps.
-    pub(super) fn of(chain: &Chain) -> Option<Self> {
-        let reaches = reaches(chain);
+    /// The texture of a chain; none if it is even, but for a few impurities and steps. Contacts are alike if they have like forces at
+    /// `overlap_m` (m).
+    pub(super) fn of(chain: &Chain, overlap_m: f64) -> Option<Self> {
+        let forces_n: Vec<f64> = (0..chain.contact_count()).map(|c| chain.force_n(c, overlap_m)).collect();
+        let reaches = reaches(&chain.mass_kg, &forces_n);
         let farthest = reaches.iter().copied().max().filter(|reach| *reach > 0)?;
         let mut texture = Self { windows: Vec::with_capacity(reaches.len()), weights: Vec::new(), farthest };
         for (bead, reach) in reaches.into_iter().enumerate() {
@@ -74,8 +74,6 @@ impl Texture {
         let beads = bead.saturating_sub(reach)..(bead + reach + 1).min(chain.bead_count());
         let masses = &chain.mass_kg[beads.clone()];
         let heaviest = masses.iter().fold(0.0_f64, |heaviest, mass| heaviest.max(*mass));
-        let contacts = if reach == 0 { bead..bead + 1 } else { beads.start..beads.end - 1 };
-        let contacts = contacts.start.min(chain.stiffness.len() - 1)..contacts.end.min(chain.stiffness.len());
         let falls = |other: usize| {
             1.0 + (std::f64::consts::PI * other.abs_diff(bead) as f64 / (reach + 1) as f64).cos()
         };
@@ -84,7 +82,6 @@ impl Texture {
         self.windows.push(Window {
             weights: self.weights.len(),
             mass_kg: masses.iter().sum::<f64>() / masses.len() as f64,
-            stiffness: chain.stiffness[contacts].iter().copied().fold(f64::INFINITY, f64::min),
             carries: chain.mass_kg[bead] >= CARRIES * heaviest,
             beads,
         });
@@ -101,9 +98,9 @@ impl Texture {
         self.windows[bead].carries
     }
 
-    /// Mean mass (kg) of the beads around `bead`, and the smallest stiffness (N·m^−α) between them.
-    pub(super) fn mass_and_stiffness(&self, bead: usize) -> (f64, f64) {
-        (self.windows[bead].mass_kg, self.windows[bead].stiffness)
+    /// Mean mass (kg) of the beads around `bead`.
+    pub(super) fn mass_kg(&self, bead: usize) -> f64 {
+        self.windows[bead].mass_kg
     }
 
     /// The beads that are looked at with `bead`, and their weights.
@@ -112,10 +109,10 @@ impl Texture {
         window.beads.clone().zip(self.weights[window.weights..].iter().copied())
     }
 
-    /// The contacts between the beads that are looked at with `bead`.
+    /// The contacts between the beads that are looked at with `bead`, of one bead the next contact.
     pub(super) fn contacts(&self, bead: usize) -> Range<usize> {
         let beads = &self.windows[bead].beads;
-        beads.start..beads.end - 1
+        beads.start..(beads.end - 1).max(beads.start + 1)
     }
 
     /// The beads around which the mean velocity may differ from 0 where no beads but `active` move.
@@ -133,19 +130,19 @@ impl Texture {
 }
 
 /// Number of beads on either side that the tracker sees together with each bead.
-fn reaches(chain: &Chain) -> Vec<usize> {
-    let (masses, stiffnesses) = (turns(&chain.mass_kg), turns(&chain.stiffness));
-    let count = chain.bead_count();
+fn reaches(mass_kg: &[f64], forces_n: &[f64]) -> Vec<usize> {
+    let (masses, forces) = (turns(mass_kg), turns(forces_n));
+    let count = mass_kg.len();
     let between = |low: usize, high: usize| {
         let within = |turns: &[usize]| {
             turns.partition_point(|turn| *turn < high) - turns.partition_point(|turn| *turn < low)
         };
-        within(&masses).max(within(&stiffnesses))
+        within(&masses).max(within(&forces))
     };
     let reach = |bead: usize| {
         let (low, high) = (bead.saturating_sub(AROUND), (bead + AROUND + 1).min(count));
         if between(low, high) >= FEWEST_TURNS {
-            return period(chain, low..high).map_or(REACH, whole_periods);
+            return period([mass_kg, forces_n], low..high).map_or(REACH, whole_periods);
         }
         let (left, right) = (bead.saturating_sub(FAR), (bead + FAR).min(count));
         let both = between(left, bead) >= FEWEST_FAR_TURNS && between(bead, right) >= FEWEST_FAR_TURNS;
@@ -154,13 +151,13 @@ fn reaches(chain: &Chain) -> Vec<usize> {
     (0..count).map(reach).collect()
 }
 
-/// After how many beads the masses and stiffnesses among `beads` repeat, if they do.
-fn period(chain: &Chain, beads: Range<usize>) -> Option<usize> {
-    let masses = &chain.mass_kg[beads.clone()];
-    let stiffnesses = &chain.stiffness[beads.start..beads.end - 1];
+/// After how many beads the masses and forces of contacts among `beads` repeat, if they do.
+fn period([mass_kg, forces_n]: [&[f64]; 2], beads: Range<usize>) -> Option<usize> {
+    let masses = &mass_kg[beads.clone()];
+    let forces = &forces_n[beads.start..beads.end - 1];
     let repeats =
         |values: &[f64], period: usize| values.iter().zip(values.iter().skip(period)).all(|(a, b)| a == b);
-    (2..=LONGEST_PERIOD).find(|period| repeats(masses, *period) && repeats(stiffnesses, *period))
+    (2..=LONGEST_PERIOD).find(|period| repeats(masses, *period) && repeats(forces, *period))
 }
 
 /// The least reach, from [`REACH`] on, whose window of 2·(reach + 1) beads is made of two or more whole periods: then
@@ -200,7 +197,8 @@ mod tests {
     fn texture(mass_kg: Vec<f64>) -> Option<Texture> {
         let contacts = mass_kg.len() - 1;
         let (stiffness, rest_overlap_m) = (vec![1.0; contacts], vec![0.0; contacts]);
-        Texture::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), ContactLaw::new(1.5)))
+        let law = ContactLaw::new(1.5);
+        Texture::of(&Chain::new(mass_kg, stiffness, rest_overlap_m, Walls::default(), law), 1e-3)
     }
 
     #[test]

@@ -72,6 +72,10 @@ pub(super) struct Passed {
     pub(super) clear: bool,
 }
 
+/// Worth of the values at a bead: it carries the pulse, is undisturbed, has a speed and a shape, beads before and behind it that were
+/// seen, and the change of the velocity between them, times −1.
+type Worth = (bool, bool, bool, bool, usize, f64);
+
 /// A crest that is followed; a pulse once it has a number.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
@@ -87,8 +91,8 @@ pub(super) struct Track {
     /// Number of the beads that it would pass if the threshold were higher.
     pub(super) clear_bead_count: u64,
     pub(super) edges: Option<Edges>,
-    /// Its best values so far, and true if they are of a bead that carries it.
-    pub(super) measured: Option<(Measured, bool)>,
+    /// Its best values so far, and their worth.
+    pub(super) measured: Option<(Measured, Worth)>,
     /// Frames were missing since the last bead.
     pub(super) gap: bool,
     /// The last beads passed.
@@ -190,10 +194,17 @@ impl Track {
         head.bead as f64 + moved * self.ahead as f64
     }
 
-    /// Distance (beads) of a crest at `bead` at `time_s` from the place where this track expects its next crest, or
-    /// none if the crest does not belong to it. Up to `coast` beads may have been skipped; the first step takes less
-    /// than `longest_s` a bead.
-    pub(super) fn fit_beads(&self, (bead, time_s): (i64, f64), coast: i64, longest_s: f64) -> Option<f64> {
+    /// Distance (beads) of a crest of `crest_m_s` at `bead` at `time_s` from the place where this track expects its next
+    /// crest, or none if the crest does not belong to it. Up to `coast` beads may have been skipped; the first step takes less
+    /// than `longest_s`, others less than `wait_s` a bead.
+    pub(super) fn fit_beads(
+        &self,
+        (bead, time_s, crest_m_s): (i64, f64, f64),
+        coast: i64,
+        [longest_s, wait_s]: [f64; 2],
+    ) -> Option<f64> {
+        /// A crest beyond others that is so many times as high or as low as those before is another pulse's.
+        const UNLIKE: f64 = 4.0;
         let head = self.head();
         let (beads, passed_s) = (bead - head.bead, time_s - head.time_s);
         if passed_s <= 0.0 || (self.ahead != 0 && beads * self.ahead <= 0) {
@@ -210,7 +221,9 @@ impl Track {
         // young pulses change their speed from bead to bead; two that meet shift the crests of each other
         // before they are out of sight
         let near = moved > 0.3 * expected && moved < 1.5 * expected + if beads == 1 { 1.0 } else { 2.0 };
-        (beads <= most && near).then_some((moved - expected).abs())
+        let ratio = crest_m_s.abs() / self.mean_crest_m_s();
+        let alike = beads == 1 || ratio < UNLIKE && ratio > 1.0 / UNLIKE;
+        (beads <= most && near && alike && passed_s < wait_s * expected).then_some((moved - expected).abs())
     }
 
     /// Distance (beads) to a crest at `bead` at `time_s`, of the height `crest_m_s`, if this track goes on with it
@@ -282,13 +295,13 @@ impl Track {
             energy_j: passed.energy_j,
             undisturbed: seen && behind.free,
         };
-        // the later the better: pulses settle and come apart as they go
-        let worth = |(m, carries): &(Measured, bool)| {
-            (*carries, m.undisturbed, m.point.speed_beads_per_s.is_some(), m.point.shape.is_some())
-        };
-        let measured = (measured, passed.carries);
-        if self.measured.is_none_or(|best| worth(&measured) >= worth(&best)) {
-            self.measured = Some(measured);
+        // the later the better, as pulses settle and come apart; unless they fall apart in gaps
+        let changes = [before, behind].map(|end| (end.v_peak_m_s / passed.v_peak_m_s - 1.0).abs());
+        let steady = if measured.undisturbed { 0.0 } else { -changes[0] - changes[1] };
+        let (with_speed, with_shape) = (point.speed_beads_per_s.is_some(), point.shape.is_some());
+        let worth = (passed.carries, measured.undisturbed, with_speed, with_shape, reach, steady);
+        if self.measured.is_none_or(|(_, best)| worth >= best) {
+            self.measured = Some((measured, worth));
         }
         Some(point)
     }

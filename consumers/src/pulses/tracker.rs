@@ -265,12 +265,13 @@ impl Pulses {
         } else {
             -1
         };
+        let wait_s = self.around.longest_wait_s(bead, crest.v_m_s);
         let coast = self.around.coast(bead);
         let fits = self.heads.at(bead - coast..=bead + coast).filter_map(|i| {
             let track = &self.tracks[i];
             let same = track.sign == crest.v_m_s.signum();
             let free = same && !self.around.obstacles.between(track.head().bead, bead);
-            let fit = || track.fit_beads((bead, crest.time_s), coast, longest_s);
+            let fit = || track.fit_beads((bead, crest.time_s, crest.v_m_s), coast, [longest_s, wait_s]);
             free.then(fit).flatten().map(|fit| (i, fit))
         });
         // of tracks that it fits alike the one that began first
@@ -448,12 +449,15 @@ impl Pulses {
     }
 
     fn is_lost(&self, track: &Track, now_s: f64) -> bool {
-        let head = track.head();
+        let (head, coast) = (track.head(), self.around.reach.coast as f64);
         let since_s = now_s - head.time_s;
         match track.speed_beads_per_s() {
             None => since_s > self.around.longest_step_s(head.bead, head.crest_m_s),
             Some(speed) if track.number == 0 => since_s * speed > 3.0,
-            Some(speed) => since_s * speed > 1.5 * self.around.reach.coast as f64 + 1.0,
+            Some(speed) => {
+                let wait_s = self.around.longest_wait_s(head.bead, head.crest_m_s);
+                since_s * speed > 1.5 * coast + 1.0 || since_s > wait_s * coast
+            }
         }
     }
 

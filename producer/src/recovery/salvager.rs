@@ -79,6 +79,8 @@ impl<'a> Salvager<'a> {
                 lost: Vec::new(),
                 lost_count: 0,
                 others: BTreeMap::new(),
+                kept_records: Vec::new(),
+                lost_records: Vec::new(),
                 damages: Vec::new(),
                 damage_count: 0,
                 other_kernel,

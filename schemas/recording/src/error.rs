@@ -60,7 +60,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// The operating system refused, and frames accepted after the last whole chunk are lost.
-    #[error("cannot write {}: the last {lost_frames} accepted frames are lost", path.display())]
+    #[error("cannot write {}: the last {lost_frames} accepted frames are not in it", path.display())]
     Lost {
         /// The file being written.
         path: PathBuf,

@@ -31,7 +31,7 @@ pub use head::{BeginRecord, EndRecord, hex, state_hash};
 pub use proto::DescribedTopic;
 pub use read::encoded::{EncodedStates, SummaryChecker, SummaryDifference};
 pub use read::info::{ChannelInfo, RecordingInfo};
-pub use read::others::{CopyError, OtherChannels, OtherCopier, OtherMessage};
+pub use read::others::{CopyError, OtherChannels, OtherCopier, OtherMessage, OtherRecords};
 pub use read::records::MAX_RECORD_BYTES;
 pub use read::salvage::{Damage, DamageKind, LostFrames, MOST_DAMAGES};
 pub use read::source::RecordingSource;

@@ -7,6 +7,9 @@ use producer::verification::Follows;
 use schemas::frame::EndReason;
 use serde::Serialize;
 
+/// Records of others that are listed by name; more are only counted.
+const MOST_RECORDS: usize = 100;
+
 /// One sentence for each thing.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Lists {
@@ -55,7 +58,7 @@ impl Lists {
         }
         let first = found.step_range().map_or(0, |(first, _)| first);
         match &file.follows {
-            None if first == 0 => {
+            _ if first == 0 => {
                 self.proven.push("the first state: the manifest's initial condition".to_owned());
             }
             Some(Follows::Proven) if file.is_later_part => {
@@ -133,6 +136,11 @@ impl Lists {
         for (topic, messages) in &found.foreign {
             let messages = counted(*messages, "message");
             self.unknown.push(format!("not checked: {messages} of `{topic}`, of which we know nothing"));
+        }
+        let records = &found.other_records;
+        self.unknown.extend(records.iter().take(MOST_RECORDS).map(|what| format!("not checked: {what}")));
+        if let Some(more @ 1..) = records.len().checked_sub(MOST_RECORDS) {
+            self.unknown.push(format!("not checked: {} like these", counted(more as u64, "more record")));
         }
     }
 

@@ -2,7 +2,8 @@
 
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
-use crate::proto::CHAIN;
+use crate::proto::{CHAIN, OF_FRAMES};
+use crate::read::others::OtherRecords;
 use crate::read::parse::{MAX_STRUCTURE_BYTES, parse_record};
 use crate::read::records::check_crc;
 use mcap::records::{Metadata, Record, op};
@@ -11,15 +12,20 @@ use std::collections::btree_map::Entry;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most bytes that all schemas and channels of a file may take; ours take 3 kB.
+/// Opcodes from which on MCAP leaves records to anybody.
+pub(crate) const PRIVATE: u8 = 0x80;
+
+/// Most bytes that all schemas, channels and names of others' records of a file may take; ours take 3 kB.
 const MAX_DEFINITION_BYTES: usize = 16 << 20;
 
 /// The contents of a file beside its messages, as far as it was read.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
     schemas: BTreeMap<u16, Arc<Schema>>,
-    /// Size of all schemas and channels.
+    /// Size of all schemas, channels and names of others' records.
     definition_bytes: usize,
+    /// Contents that are neither messages nor ours.
+    pub(crate) others: OtherRecords,
     /// The channels, by the number that messages give.
     pub(crate) channels: BTreeMap<u16, Channel>,
     /// The configuration as the user gave it.
@@ -76,22 +82,41 @@ impl Contents {
                 if metadata.name == head::END {
                     self.end = Some(EndRecord::from_metadata(&metadata).map_err(damaged)?);
                 }
-                Ok(())
+                if [head::RUN, head::BEGIN, head::END].contains(&metadata.name.as_str()) {
+                    return Ok(());
+                }
+                self.add_other(offset, "metadata", &metadata.name).map_err(damaged)
             }
             op::ATTACHMENT => {
                 let Attachment { name, data, content, crc, .. } = Attachment::parse(body)
                     .ok_or_else(|| damaged("an attachment that is none".to_owned()))?;
-                check_crc(path, &format!("the attachment at byte {offset}"), crc, crc32fast::hash(content))?;
-                if name == head::RUN_TOML.as_bytes() {
-                    if data.len() > MAX_STRUCTURE_BYTES {
-                        return Err(damaged(format!("a configuration of {} bytes", data.len())));
+                let part = format!("the attachment at byte {offset}");
+                let checked = check_crc(path, &part, crc, crc32fast::hash(content));
+                if name != head::RUN_TOML.as_bytes() {
+                    let text = String::from_utf8_lossy(name);
+                    self.add_other(offset, "attachment", &text).map_err(damaged)?;
+                    if checked.is_err() {
+                        self.others.lost.extend(self.others.whole.remove(&offset));
                     }
-                    self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
+                    return checked;
                 }
+                checked?;
+                if data.len() > MAX_STRUCTURE_BYTES {
+                    return Err(damaged(format!("a configuration of {} bytes", data.len())));
+                }
+                self.run_toml = Some(String::from_utf8_lossy(data).into_owned());
                 Ok(())
             }
+            PRIVATE.. => self.add_other(offset, "private record", &format!("{opcode:#04x}")).map_err(damaged),
             _ => Ok(()),
         }
+    }
+
+    fn add_other(&mut self, offset: u64, kind: &str, name: &str) -> Result<(), String> {
+        let what = format!("{kind} `{}`", name.escape_debug());
+        let bytes = size_of::<(u64, String)>() + what.len();
+        let is_new = self.others.whole.insert(offset, what).is_none();
+        if is_new { self.count(bytes) } else { Ok(()) }
     }
 
     /// Adds a schema or a channel; the same number twice must be the same thing.
@@ -110,6 +135,9 @@ impl Contents {
                     // a list of channels names their schemas, too
                     let schema = self.schemas.get(&channel.schema_id).map_or(0, |schema| schema.name.len());
                     self.count(channel.topic.len() + metadata.sum::<usize>() + schema)?;
+                }
+                if !channel.metadata.is_empty() && OF_FRAMES.contains(&channel.topic.as_str()) {
+                    self.others.lost.insert(format!("metadata of the channel `{}`", channel.topic));
                 }
                 let definition = Channel {
                     topic: channel.topic,
@@ -149,7 +177,7 @@ impl Contents {
         let bounded = self.definition_bytes <= MAX_DEFINITION_BYTES;
         bounded
             .then_some(())
-            .ok_or_else(|| format!("schemas and channels of more than {MAX_DEFINITION_BYTES} bytes"))
+            .ok_or_else(|| format!("schemas, channels and names of more than {MAX_DEFINITION_BYTES} bytes"))
     }
 
     /// The sums of what `count` gives for the channels of each topic, if it gives anything.

@@ -9,7 +9,7 @@ use crate::error::ReadError;
 use crate::head;
 use crate::read::chunk::{Chunk, Inner};
 use crate::read::chunk_head::ChunkHead;
-use crate::read::contents::{Channel, Contents, parse_metadata};
+use crate::read::contents::{Channel, Contents, PRIVATE, parse_metadata};
 use crate::read::index::ChunkPlace;
 use crate::read::parse::parse_record;
 use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
@@ -288,6 +288,10 @@ impl MessageReader {
                 self.contents.define(path, offset, opcode, body)?;
                 Ok(Step::Other)
             }
+            PRIVATE.. if self.is_checked => {
+                self.contents.others.lost.insert(format!("private records `{opcode:#04x}` in chunks"));
+                Ok(Step::Other)
+            }
             _ => Ok(Step::Other),
         }
     }
@@ -380,7 +384,6 @@ impl Place {
 
 /// True if a record may stand in this place, in the data section or after it.
 fn is_expected(opcode: u8, body: &[u8], data_end: bool) -> bool {
-    const PRIVATE: u8 = 0x80;
     match opcode {
         op::SCHEMA | op::CHANNEL | PRIVATE.. => true,
         op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA => !data_end,

@@ -2,13 +2,14 @@
 
 use crate::error::{ReadError, WriteError};
 use crate::read::messages::{MessageReader, RawMessage};
+use crate::read::records::{RawRecord, RecordReader};
 use crate::write::channel_writer::{ChannelId, ChannelWriter};
 use crate::write::writer::RecordingWriter;
 use crate::{log_time_ns, proto};
 use mcap::records::MessageHeader;
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 /// The messages of a recording other than its chain, states and summaries, to be copied whole into another recording,
 /// whatever they are.
@@ -36,6 +37,17 @@ pub enum CopyError {
     /// The new file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The new file would lack something.
+    #[error(
+        "{} has {what}; `beadline recover {} --out OTHER.mcap` leaves them out",
+        path.display(), path.display()
+    )]
+    Lost {
+        /// The old file.
+        path: PathBuf,
+        /// The contents.
+        what: String,
+    },
 }
 
 impl OtherChannels {
@@ -63,12 +75,17 @@ impl OtherChannels {
         self.copy(Some(log_time_ns(time_s)), writer.channels())
     }
 
-    /// Copies what is left.
+    /// Copies what is left, and the attachments, metadata and private records of others.
     ///
     /// # Errors
-    /// As [`copy_before`](Self::copy_before).
+    /// As [`copy_before`](Self::copy_before), and when the old file has contents that cannot be copied.
     pub fn copy_rest(&mut self, writer: &mut RecordingWriter) -> Result<(), CopyError> {
-        self.copy(None, writer.channels())
+        self.copy(None, writer.channels())?;
+        let (path, records) = (self.messages.path(), &self.messages.contents().others);
+        match records.missing() {
+            None => records.copy(path, writer),
+            Some(what) => Err(CopyError::Lost { path: path.to_owned(), what }),
+        }
     }
 
     /// Messages copied so far.
@@ -104,6 +121,46 @@ impl OtherChannels {
             }
             file.copy(channel, &message.head, message.data)?;
             self.copied_count += 1;
+        }
+        Ok(())
+    }
+}
+
+/// The contents of a recording that are neither messages nor ours, as far as it was read.
+#[derive(Debug, Clone, Default)]
+pub struct OtherRecords {
+    /// Attachments, metadata and private records by their offsets, which can be copied.
+    pub whole: BTreeMap<u64, String>,
+    /// Contents that have no place in another file, or are damaged.
+    pub lost: BTreeSet<String>,
+}
+
+impl OtherRecords {
+    /// Those that no copy has, if there are any.
+    pub(crate) fn missing(&self) -> Option<String> {
+        let lost: Vec<_> = self.lost.iter().map(String::as_str).collect();
+        (!lost.is_empty()).then(|| format!("contents that cannot be copied: {}", lost.join(", ")))
+    }
+
+    /// All of them.
+    pub fn into_names(self) -> Vec<String> {
+        self.whole.into_values().chain(self.lost).collect()
+    }
+
+    /// Copies those of the file `from` that can be copied, after everything that `writer` has accepted.
+    ///
+    /// # Errors
+    /// When the old file cannot be read, or the new one cannot be written.
+    pub fn copy(&self, from: &Path, writer: &mut RecordingWriter) -> Result<(), CopyError> {
+        if self.whole.is_empty() {
+            return Ok(());
+        }
+        let mut records = RecordReader::open(from)?;
+        for offset in self.whole.keys() {
+            records.seek(*offset)?;
+            if let Some(RawRecord { opcode, body, .. }) = records.next()? {
+                writer.channels().copy_record(opcode, body)?;
+            }
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use crate::log_time_ns;
 use crate::proto;
 use crate::read::decode::{self, StateHead, StateLengths};
 use crate::read::messages::{MessageReader, RawMessage};
-use crate::read::others::OtherMessage;
+use crate::read::others::{OtherMessage, OtherRecords};
 use crate::read::records::RecordReader;
 use crate::read::salvage::{Damage, DamageKind, LostFrames};
 use crate::read::summary::SummarySection;
@@ -199,6 +199,16 @@ impl Audit {
             let is_foreign = !proto::OF_FRAMES.contains(&topic) && !self.rows.contains_key(topic);
             is_foreign.then(|| self.counts.get(&id).copied().unwrap_or(0))
         })
+    }
+
+    /// The contents that are neither messages nor ours; known at the end.
+    pub fn other_records(&self) -> &OtherRecords {
+        &self.messages.contents().others
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        self.messages.path()
     }
 
     /// The configuration as the user gave it, if the file has it; known at the end.

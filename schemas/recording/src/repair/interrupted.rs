@@ -257,8 +257,8 @@ fn read_locked(path: &Path) -> Result<(LockedFile, RecordingInfo), ResumeError> 
     Ok((file, info))
 }
 
-/// The damage in the recording `path`, or missing frames if it has states, other than an early end; and the last step
-/// in it, also after damage.
+/// The damage in the recording `path`, or missing frames if it has states, other than an early end, or contents that
+/// cannot be copied; and the last step in it, also after damage.
 fn damage_within(path: &Path, has_states: bool) -> Result<(Option<String>, Option<u64>), ReadError> {
     let mut audit = Audit::open(path)?;
     let mut last_step = None;
@@ -280,5 +280,6 @@ fn damage_within(path: &Path, has_states: bool) -> Result<(Option<String>, Optio
     let damaged = within.map(|damage| format!("{} is damaged: {damage}", path.display()));
     let missing = audit.missing().first().filter(|_| has_states);
     let incomplete = missing.map(|(from, to)| format!("its frames {from} to {to} are missing"));
-    Ok((damaged.or(incomplete), last_step))
+    let others = || audit.other_records().missing().map(|what| format!("it has {what}"));
+    Ok((damaged.or(incomplete).or_else(others), last_step))
 }

@@ -4,12 +4,12 @@
 mod chunk_indexes;
 
 use crate::head;
-use crate::read::contents::{Attachment, Contents};
+use crate::read::contents::Contents;
 use crate::read::parse::parse_record;
 use crate::read::records::{RECORD_HEAD_BYTES, RawRecord, RecordReader};
 use crate::write::channel_writer::framing;
 use chunk_indexes::OpenChunk;
-use mcap::records::{AttachmentIndex, Footer, MetadataIndex, Record, Statistics, op};
+use mcap::records::{Footer, Record, Statistics, op};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
@@ -105,13 +105,12 @@ impl Layout {
     }
 
     fn add_attachment(&mut self, offset: u64, length: u64, body: &[u8]) {
-        let Some(about) = attachment_index(offset, length, body) else { return };
+        let Some(about) = framing::index_of_attachment(offset, length, body) else { return };
         self.attachments.add(|record| framing::attachment_index(record, &about));
     }
 
     fn add_metadata(&mut self, offset: u64, length: u64, body: &[u8]) {
-        let Ok(Record::Metadata(metadata)) = parse_record(op::METADATA, body) else { return };
-        let index = MetadataIndex { offset, length, name: metadata.name };
+        let Some(index) = framing::index_of_metadata(offset, length, body) else { return };
         self.metadata.add(|record| framing::metadata_index(record, &index));
     }
 
@@ -318,12 +317,4 @@ fn wrong_statistics(said: Option<&Statistics>, found: &Statistics, contents: &Co
         }
     }
     wrong
-}
-
-/// The index of the attachment record `body`.
-fn attachment_index(offset: u64, length: u64, body: &[u8]) -> Option<AttachmentIndex> {
-    let Attachment { log_time, create_time, name, media_type, data, .. } = Attachment::parse(body)?;
-    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
-    let (name, media_type, data_size) = (text(name), text(media_type), data.len() as u64);
-    Some(AttachmentIndex { offset, length, log_time, create_time, data_size, name, media_type })
 }

@@ -214,6 +214,13 @@ impl ChannelWriter {
         self.record(|chunks, now| chunks.open().message(&head, message, now))
     }
 
+    /// Writes a record of another file that is no message, after everything accepted so far.
+    pub(crate) fn copy_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), WriteError> {
+        self.flush()?;
+        let threads = self.threads.as_ref().ok_or_else(|| self.refused(Refused::GivenUp))?;
+        threads.copy(opcode, body).map_err(WriteError::io(self.path()))
+    }
+
     /// Writes a message about frame `frame` at the simulated time `time_s`.
     pub(crate) fn write(
         &mut self,

@@ -3,7 +3,7 @@
 use crate::run::{RUN_TOML, for_each_frame, manifest, options, temp_dir, write_recording};
 use mcap::MessageStream;
 use mcap::records::{MessageHeader, Metadata, Record};
-use recording::{OtherChannels, RecordingWriter};
+use recording::{Audit, Audited, CopyError, OtherChannels, RecordingWriter};
 use schemas::frame::{EndReason, FrameSink};
 use std::collections::BTreeMap;
 use std::fs;
@@ -115,4 +115,50 @@ fn a_recording_of_ours_has_no_other_channels() {
     others.copy_rest(&mut writer).unwrap();
     assert_eq!(others.copied_count(), 0);
     writer.discard();
+}
+
+#[test]
+fn records_of_others_are_copied_among_the_states_and_what_cannot_be_is_an_error() {
+    let (directory, ours) = temp_dir();
+    let manifest = manifest(5, 1, 1);
+    write_recording(&ours, &manifest, &options());
+    let with = |name: &str, about: &[(&str, &str)]| {
+        let path = directory.path().join(name);
+        let file = Cursor::new(Vec::new());
+        let mut writer = mcap::WriteOptions::new().profile("beadline").create(file).unwrap();
+        writer.write_metadata(&run_metadata(&ours)).unwrap();
+        writer.write_metadata(&Metadata { name: "mine".to_owned(), metadata: BTreeMap::new() }).unwrap();
+        let beside_the_summary = std::iter::empty::<mcap::write::PrivateRecordOptions>().collect();
+        writer.write_private_record(0x90, b"private", beside_the_summary).unwrap();
+        let about = about.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+        let channel_id = writer.add_channel(0, "/state", "protobuf", &about).unwrap();
+        let header = MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
+        writer.write_to_known_channel(&header, b"").unwrap();
+        writer.finish().unwrap();
+        fs::write(&path, writer.into_inner().into_inner()).unwrap();
+        OtherChannels::open(&path).unwrap()
+    };
+    let copy = directory.path().join("copy.mcap");
+    let mut writer = RecordingWriter::create(&copy, &manifest, RUN_TOML, &options()).unwrap();
+    for_each_frame(&manifest, |frame| {
+        writer.accept(frame).unwrap();
+        if frame.step == 2 {
+            with("whole.mcap", &[]).copy_rest(&mut writer).unwrap();
+        }
+    });
+    let lost = with("lost.mcap", &[("unit", "furlong")]).copy_rest(&mut writer).unwrap_err();
+    assert!(
+        matches!(&lost, CopyError::Lost { what, .. } if what.ends_with("metadata of the channel `/state`"))
+    );
+    writer.finish(EndReason::Complete).unwrap();
+
+    let bytes = fs::read(&copy).unwrap();
+    let records: Vec<_> =
+        mcap::read::LinearReader::new(&bytes).unwrap().collect::<Result<_, _>>().expect("records");
+    let is_private = |record: &&Record<'_>| matches!(record, Record::Unknown { opcode: 0x90, .. });
+    let is_mine = |record: &&Record<'_>| matches!(record, Record::Metadata(found) if found.name == "mine");
+    assert_eq!((records.iter().filter(is_private).count(), records.iter().filter(is_mine).count()), (1, 1));
+    let mut audit = Audit::open(&copy).unwrap();
+    while !matches!(audit.read_next().unwrap(), Audited::End) {}
+    assert!(audit.damages().is_empty() && audit.has_summary_section(), "{:?}", audit.damages());
 }

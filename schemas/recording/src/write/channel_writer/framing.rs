@@ -3,11 +3,15 @@
 //! `mcap`'s writer compresses and writes in the thread that calls it and takes no compressed chunk, so the few records
 //! that our files have are framed here. A test holds them equal to those that `mcap` writes.
 
-use mcap::records::{AttachmentIndex, ChunkIndex, MessageHeader, Metadata, MetadataIndex, Statistics, op};
+use crate::read::contents::Attachment;
+use crate::read::parse::parse_record;
+use mcap::records::{
+    AttachmentIndex, ChunkIndex, MessageHeader, Metadata, MetadataIndex, Record, Statistics, op,
+};
 use std::collections::BTreeMap;
 
 /// Appends a record: opcode, length, and the bytes that `body` appends.
-fn record(bytes: &mut Vec<u8>, opcode: u8, body: impl FnOnce(&mut Vec<u8>)) {
+pub(crate) fn record(bytes: &mut Vec<u8>, opcode: u8, body: impl FnOnce(&mut Vec<u8>)) {
     bytes.push(opcode);
     sized::<8>(bytes, body);
 }
@@ -140,6 +144,20 @@ pub(crate) fn attachment(bytes: &mut Vec<u8>, about: &AttachmentIndex, data: &[u
         let crc = crc32fast::hash(&bytes[start..]);
         bytes.extend(crc.to_le_bytes());
     });
+}
+
+/// The index of the attachment record `body`.
+pub(crate) fn index_of_attachment(offset: u64, length: u64, body: &[u8]) -> Option<AttachmentIndex> {
+    let Attachment { log_time, create_time, name, media_type, data, .. } = Attachment::parse(body)?;
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    let (name, media_type, data_size) = (text(name), text(media_type), data.len() as u64);
+    Some(AttachmentIndex { offset, length, log_time, create_time, data_size, name, media_type })
+}
+
+/// The index of the metadata record `body`.
+pub(crate) fn index_of_metadata(offset: u64, length: u64, body: &[u8]) -> Option<MetadataIndex> {
+    let Ok(Record::Metadata(metadata)) = parse_record(op::METADATA, body) else { return None };
+    Some(MetadataIndex { offset, length, name: metadata.name })
 }
 
 pub(crate) fn data_end(bytes: &mut Vec<u8>, data_section_crc: u32) {

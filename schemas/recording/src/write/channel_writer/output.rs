@@ -165,6 +165,22 @@ impl Output {
         });
     }
 
+    /// Appends a record of another file, which may be an attachment, metadata or of a kind that we do not know.
+    pub(super) fn copy(&mut self, opcode: u8, body: &[u8]) -> io::Result<()> {
+        let mut bytes = Vec::new();
+        framing::record(&mut bytes, opcode, |bytes| bytes.extend(body));
+        let (offset, length) = (self.bytes, bytes.len() as u64);
+        self.append(&bytes)?;
+        match opcode {
+            op::ATTACHMENT => {
+                self.attachment_indexes.extend(framing::index_of_attachment(offset, length, body));
+            }
+            op::METADATA => self.metadata_indexes.extend(framing::index_of_metadata(offset, length, body)),
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// Appends the chunk that `block` became.
     pub(super) fn chunk(&mut self, block: &Block, encoded: &Encoded) -> io::Result<()> {
         let start = self.bytes;

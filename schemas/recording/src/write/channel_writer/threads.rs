@@ -97,6 +97,11 @@ impl Threads {
         &self.shared.queue
     }
 
+    /// Appends a record of another file to what was written so far.
+    pub(super) fn copy(&self, opcode: u8, body: &[u8]) -> io::Result<()> {
+        self.shared.lock().output.copy(opcode, body)
+    }
+
     /// Waits until the contents of the file are on the disk.
     pub(super) fn sync(&self) -> io::Result<()> {
         let writing = &mut *self.shared.lock();
