@@ -365,7 +365,7 @@ impl dyn Outlet + '_ {
     pub fn row(&mut self, frame: &Frame<'_>, row: &[f64]) {
         if self.wants(0) {
             let values = row.iter().map(|value| Some(*value).filter(|value| !value.is_nan()));
-            self.line_of(0, frame, values.map(|value| value.map_or(Cell::Empty, Cell::Double)));
+            self.line_of(0, frame, values.map(Cell::from));
         }
         self.publish(frame, RowValues::Numbers(row));
     }
@@ -438,12 +438,10 @@ impl Outlet for LastRow {
     }
 }
 
-/// The columns that begin every line about a frame.
-pub const LINE_HEAD: [&str; 3] = ["frame", "step", "time_s"];
-
 /// The columns of lines about frames, followed by `names`.
 pub fn frame_columns<N: Into<String>>(names: impl IntoIterator<Item = N>) -> Vec<Column> {
-    LINE_HEAD.into_iter().map(String::from).chain(names.into_iter().map(N::into)).map(Column::from).collect()
+    let head = ["frame", "step", "time_s"].map(String::from);
+    head.into_iter().chain(names.into_iter().map(N::into)).map(Column::from).collect()
 }
 
 /// Outcome of an analysis, for people and for programs.

@@ -104,15 +104,6 @@ fn class(overlap_m: f64, tolerance_m: f64) -> u8 {
 }
 
 impl ContactCounts {
-    /// Names of the columns of a table of counts.
-    pub const COLUMNS: [&'static str; 5] = [
-        "compressed_count",
-        "touching_count",
-        "open_count",
-        "first_compressed_contact",
-        "last_compressed_contact",
-    ];
-
     /// Counts `classes`.
     pub fn of(classes: &[u8]) -> Self {
         Self::among(classes.len(), 0, classes)

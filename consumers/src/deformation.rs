@@ -239,8 +239,8 @@ impl Deformations {
             contact: followed.contact,
             exact: compare(exact.map_err(|error| error.to_string())),
             continuum: compare(continuum.map_err(|error| error.to_string())),
-            speed_beads_per_s: speed(followed, every_sample),
-            halved: (curve::shape(&every_second(samples), force).ok(), speed(followed, every_second)),
+            speed_beads_per_s: speed(followed, 1),
+            halved: (curve::shape(&one_of(2, samples), force).ok(), speed(followed, 2)),
             later_pulse_count: is_counted.then(|| followed.pulse.later_count()),
             samples: samples.to_vec(),
             measured,
@@ -297,21 +297,18 @@ impl Deformations {
     }
 }
 
-fn every_sample(samples: &[Sample]) -> Vec<Sample> {
-    samples.to_vec()
+/// One of each `stride` samples.
+fn one_of(stride: usize, samples: &[Sample]) -> Vec<Sample> {
+    samples.iter().step_by(stride).copied().collect()
 }
 
-fn every_second(samples: &[Sample]) -> Vec<Sample> {
-    samples.iter().step_by(2).copied().collect()
-}
-
-/// The speed (beads/s) between the gauges, from the samples that `chosen` leaves of each; none if other pulses than the one at
-/// the contact were first there.
-fn speed(followed: &Followed, chosen: fn(&[Sample]) -> Vec<Sample>) -> Option<f64> {
+/// The speed (beads/s) between the gauges, from one of each `stride` samples; none if other pulses than the one at the contact
+/// were first there.
+fn speed(followed: &Followed, stride: usize) -> Option<f64> {
     let [(_, before), (_, behind)] = followed.gauges.as_ref()?;
     let peak_s = |pulse: &FirstPulse| {
         pulse.shape(|_| 0.0).ok()?;
-        curve::shape(&chosen(pulse.samples()), |_| 0.0).ok().map(|shape| shape.peak_s)
+        curve::shape(&one_of(stride, pulse.samples()), |_| 0.0).ok().map(|shape| shape.peak_s)
     };
     let (before_s, here_s, behind_s) = (peak_s(before)?, peak_s(&followed.pulse)?, peak_s(behind)?);
     let duration_s = (behind_s - before_s).abs();

@@ -5,8 +5,7 @@ mod step_error;
 mod window;
 
 pub use reflection::{
-    ARRIVED, Corrected, EXCHANGED, MOVED, Moment, OPEN, Recoil, Reflected, Reflection, STATIONARY, Side,
-    Undefined,
+    ARRIVED, Corrected, EXCHANGED, MOVED, Moment, OPEN, Recoil, Reflected, Reflection, STATIONARY, Undefined,
 };
 pub use step_error::{STEP_SAFETY, step_error_j};
 
@@ -14,6 +13,7 @@ use pulp::Arch;
 use reflection::{Parts, ReflectionWatch, incident_side};
 use schemas::active::{Active, ContactEnergies};
 use schemas::chain::Chain;
+use schemas::drive::Side;
 use schemas::frame::Frame;
 use schemas::manifest::{Physics, RunManifest};
 use schemas::results::ENERGIES;

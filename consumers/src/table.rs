@@ -24,6 +24,24 @@ pub enum Cell {
     Empty,
 }
 
+impl Cell {
+    /// The number in it, if it holds one.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Integer(value) => Some(*value as f64),
+            Self::Double(value) => Some(*value),
+            Self::Word(_) | Self::Empty => None,
+        }
+    }
+}
+
+/// A double, or nothing.
+impl From<Option<f64>> for Cell {
+    fn from(value: Option<f64>) -> Self {
+        value.map_or(Self::Empty, Self::Double)
+    }
+}
+
 /// Kind of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -104,19 +122,9 @@ impl Table {
         self.cell(Cell::Double(value))
     }
 
-    /// Adds a word to the current row.
-    pub fn word(&mut self, word: &str) -> &mut Self {
-        self.cell(Cell::Word(word.to_owned()))
-    }
-
     /// Adds an empty field: a value that does not exist.
     pub fn empty(&mut self) -> &mut Self {
         self.cell(Cell::Empty)
-    }
-
-    /// Adds a double to the current row, or an empty field.
-    pub fn optional(&mut self, value: Option<f64>) -> &mut Self {
-        self.cell(value.map_or(Cell::Empty, Cell::Double))
     }
 
     /// Adds a value to the current row.

@@ -3,8 +3,7 @@
 mod engine;
 
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
-    Takes,
+    Allowed, Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
 };
 use consumers::blocks::FEWEST;
 use consumers::local_energy::bead_energies_j;
@@ -67,7 +66,6 @@ pub static OFFER: Offer = Offer {
         Meaning::number("momentum_sum_change", "the same of the momentum"),
         Meaning::number("energy_sum_change", "the same of the energy"),
     ],
-    needs: Needs::FRAMES,
     begin: |beginning| Ok(Box::new(Correlations::begin(beginning)?)),
     ..Offer::PLAIN
 };

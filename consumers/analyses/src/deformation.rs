@@ -1,7 +1,7 @@
 //! Deformation of contacts by the first pulse, beside theory.
 
 use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
+    Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
     Whereabouts, Words,
 };
 use consumers::deformation::{Comparison, Deformation, Deformations, Shape};
@@ -30,7 +30,6 @@ pub static OFFER: Offer = Offer {
         name: "out",
         help: "Table of the pulse: overlap, exact wave and continuum in each frame",
     }],
-    columns: &[],
     summary: &[
         Meaning::count("later_pulse_count", "pulses after the first one"),
         Meaning::number("t_peak_s", "time of the largest overlap"),
@@ -49,8 +48,8 @@ pub static OFFER: Offer = Offer {
         Meaning::number("continuum_l_infinity", "distance from it, L∞"),
     ],
     place: Whereabouts::Of { setting: "contact", also: &[], allowed: "a contact such as @12" },
-    needs: Needs::FRAMES,
     begin: |beginning| Ok(Box::new(DeformationAnalysis::begin(beginning)?)),
+    ..Offer::PLAIN
 };
 
 /// Frames that the upper half of a pulse needs for its shape: 20 are off by 1e-4 of the peak, 10 by 1e-3.
@@ -132,11 +131,10 @@ impl Analysis for DeformationAnalysis {
                 _ => return None,
             }))
         };
-        if let Some(name) = name.strip_prefix("exact_") {
-            return theory(&found.exact, name);
-        }
-        if let Some(name) = name.strip_prefix("continuum_") {
-            return theory(&found.continuum, name);
+        for (prefix, of_theory) in [("exact_", &found.exact), ("continuum_", &found.continuum)] {
+            if let Some(name) = name.strip_prefix(prefix) {
+                return theory(of_theory, name);
+            }
         }
         let shape = found.measured.as_ref().ok();
         Some(Number::Double(match name {

@@ -1,8 +1,7 @@
 //! Energies of the chain: left of a bead, in it, right of it; and the part that the bead reflects.
 
 use consumers::analysis::{
-    Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
-    Whereabouts, Words,
+    Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes, Words,
 };
 use consumers::energies::{
     Energies, EnergyOutcome, EnergyRow, Moment, Reflected, Reflection, default_split_bead,
@@ -34,9 +33,8 @@ pub static OFFER: Offer = Offer {
     tables: &[TableFlag { name: "out", help: "Table of the energies of each frame" }],
     columns: &COLUMNS,
     summary: &SUMMARY,
-    place: Whereabouts::Chain,
-    needs: Needs::FRAMES,
     begin: |beginning| Ok(Box::new(EnergyAnalysis::begin(beginning)?)),
+    ..Offer::PLAIN
 };
 
 const COLUMNS: [Meaning; ENERGIES.len()] = [
@@ -162,11 +160,10 @@ fn words(outcome: &EnergyOutcome) -> Words {
     words.add("left", format_args!("{} {unit}", text(last.left_j)));
     words.add("split bead", format_args!("{} {unit}", text(last.split_j)));
     words.add("right", format_args!("{} {unit}", text(last.right_j)));
-    if last.driven_j != 0.0 {
-        words.add("driven", format_args!("{} {unit}", text(last.driven_j)));
-    }
-    if last.dissipated_j != 0.0 {
-        words.add("dissipated", format_args!("{} {unit}", text(last.dissipated_j)));
+    for (name, energy_j) in [("driven", last.driven_j), ("dissipated", last.dissipated_j)] {
+        if energy_j != 0.0 {
+            words.add(name, format_args!("{} {unit}", text(energy_j)));
+        }
     }
     if outcome.is_ring {
         words.add("ring contact", "half of its energy counts left, half right: it joins both");
@@ -246,23 +243,18 @@ fn json(outcome: &EnergyOutcome) -> Value {
 
 fn reflection_json(reflection: &Reflection) -> Value {
     json!({
-        "incident_side": reflection.incident.as_str(),
+        "incident_side": reflection.incident,
         "pulse_arrived": reflection.arrival,
         "stationary": reflection.stationary_since.is_some(),
         "stationary_since": reflection.stationary_since,
         "front_met_end": reflection.met_end.map(|(bead, at)| json!({ "bead": bead, "at": at })),
         "energy_exchanged": reflection.exchanged,
-        "energies": reflection.energies.map(|energies| json!({
-            "at": energies.at,
-            "reflected_j": energies.reflected_j,
-            "transmitted_j": energies.transmitted_j,
-            "total_j": energies.total_j,
-            "uncertainty_j": energies.uncertainty_j,
-            "inbound_j": energies.inbound_j,
-            "step_error_j": energies.step_error_j,
-            "reflected_over_total_uncertainty": energies.over_total().plus_minus,
-            "reflected_over_transmitted_uncertainty": energies.over_transmitted().plus_minus,
-        })),
+        "energies": reflection.energies.map(|energies| {
+            let mut all = json!(energies);
+            all["reflected_over_total_uncertainty"] = json!(energies.over_total().plus_minus);
+            all["reflected_over_transmitted_uncertainty"] = json!(energies.over_transmitted().plus_minus);
+            all
+        }),
         "recoil": reflection.recoil,
         "corrected": reflection.corrected().map(|corrected| json!({
             "reflected_j": corrected.reflected_j,

@@ -10,12 +10,13 @@ use consumers::table::{Cell, Column};
 use figure::{Figure, FigureError};
 use plots::SensedForces;
 use schemas::amounts::{count, counted, quantity};
+use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
 use schemas::results::ResultColumns;
 use serde_json::{Value, json};
 use waves::peaks::{Peak, Peaks};
-use waves::place::{Place, Sensors};
+use waves::place::Place;
 use waves::sampling::Sampling;
 
 /// The analysis, before it looks at a run.
@@ -101,10 +102,9 @@ impl Sensor {
                 self.peaks.push(peak);
             }
             if out.wants(PEAKS) {
-                let optional = |value: Option<f64>| value.map_or(Cell::Empty, Cell::Double);
                 let (time, force) = (Cell::Double(peak.time_s), Cell::Double(peak.force_n));
                 let word = Cell::Word(self.place.to_string());
-                out.line(PEAKS, &[word, time, force, optional(peak.width_s), optional(peak.above_s)]);
+                out.line(PEAKS, &[word, time, force, peak.width_s.into(), peak.above_s.into()]);
             }
         }
     }
@@ -113,7 +113,7 @@ impl Sensor {
 struct ForceAnalysis {
     manifest: RunManifest,
     threshold_n: f64,
-    sensors: Sensors,
+    chain: Chain,
     places: Vec<Sensor>,
     /// The row of the last frame.
     row: Vec<f64>,
@@ -131,10 +131,9 @@ impl ForceAnalysis {
                 "the run has no force scale, since nothing strikes and nothing is loaded; say --threshold N"
                     .to_owned()
             })?;
-        let sensors = Sensors::new(chain);
         let sensor = |place: &Place| Sensor {
             place: *place,
-            rest_n: sensors.rest_force_n(*place),
+            rest_n: place.rest_force_n(&chain),
             finder: Peaks::new(threshold_n),
             peaks: Vec::new(),
             peak_count: 0,
@@ -143,7 +142,7 @@ impl ForceAnalysis {
         };
         let places = places.iter().map(sensor).collect();
         let (row, sampling) = (Vec::new(), Sampling::default());
-        Ok(Self { manifest, threshold_n, sensors, places, row, sampling })
+        Ok(Self { manifest, threshold_n, chain, places, row, sampling })
     }
 }
 
@@ -165,8 +164,8 @@ impl Analysis for ForceAnalysis {
         self.sampling.take(frame.step);
         self.row.clear();
         for sensor in &mut self.places {
-            let force_n = self.sensors.force_n(frame, sensor.place);
-            let overlap_m = self.sensors.overlap_m(frame, sensor.place);
+            let force_n = sensor.place.force_n(&self.chain, frame);
+            let overlap_m = sensor.place.overlap_m(&self.chain, frame);
             sensor.finder.push(frame.time_s, force_n - sensor.rest_n);
             sensor.take(out);
             if let Some(curve) = &mut sensor.curve {
@@ -275,21 +274,13 @@ fn peak_text(peak: &Peak) -> String {
 }
 
 fn json(found: &[Sensor], threshold_n: f64) -> Value {
-    let peak = |peak: &Peak| {
-        json!({
-            "time_s": peak.time_s,
-            "force_n": peak.force_n,
-            "width_s": peak.width_s,
-            "above_s": peak.above_s,
-        })
-    };
     let place = |found: &Sensor| {
         json!({
             "place": found.place.to_string(),
             "rest_force_n": found.rest_n,
             "peak_count": found.peak_count,
-            "highest": found.highest.as_ref().map(peak),
-            "peaks": found.peaks.iter().map(peak).collect::<Vec<_>>(),
+            "highest": found.highest,
+            "peaks": found.peaks,
             "left_out_count": found.peak_count - found.peaks.len() as u64,
         })
     };

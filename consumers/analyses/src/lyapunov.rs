@@ -4,6 +4,7 @@ use consumers::analysis::{
     Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, Takes,
     frame_columns,
 };
+use consumers::blocks::{Blocks, FEWEST};
 use consumers::series::Series;
 use consumers::space_time::{Extent, Picture, singles};
 use consumers::statistics::Statistics;
@@ -36,7 +37,7 @@ pub static OFFER: Offer = Offer {
     settings: &[
         Setting::new(
             "exponents",
-            Takes::Text("K", wanted_text),
+            Takes::Text("K", |text| wanted(text).map(drop)),
             "Number of exponents, the largest ones, or `all` [default: 1]",
         ),
         Setting::new(
@@ -69,9 +70,6 @@ const INTERVAL_STEPS: u64 = 100;
 const TOGETHER: u64 = 12;
 /// Most steps between frames; of recordings with fewer frames those between are made again first.
 const MOST_STEPS: u64 = 10_000;
-/// Most parts of a run whose scatter gives the errors, and the fewest that do.
-const MOST_PARTS: usize = 64;
-const FEWEST_PARTS: usize = 8;
 /// Most curves of a figure.
 const MOST_CURVES: usize = 8;
 
@@ -82,10 +80,6 @@ fn wanted(text: &str) -> Result<Option<usize>, String> {
         _ if text == "all" => Ok(None),
         _ => Err("expected a whole number from 1 on, or `all`".to_owned()),
     }
-}
-
-fn wanted_text(text: &str) -> Result<(), String> {
-    wanted(text).map(drop)
 }
 
 struct Lyapunov {
@@ -144,46 +138,31 @@ impl Alignment {
 
 /// Logarithms of the growth of each change.
 struct Growth {
-    /// Their sums, and the intervals that these are of.
+    /// Their sums over all intervals.
     sums: Vec<f64>,
-    intervals: u64,
-    /// The same of parts of the run, each of `part` intervals but for the last.
-    parts: Vec<Vec<f64>>,
-    part: u64,
+    /// The same over parts of the run.
+    parts: Blocks,
 }
 
 impl Growth {
     fn of(count: usize) -> Self {
-        Self { sums: vec![0.0; count], intervals: 0, parts: Vec::new(), part: 1 }
+        Self { sums: vec![0.0; count], parts: Blocks::new(count) }
     }
 
     /// Adds those of an interval.
     fn add(&mut self, logarithms: &[f64]) {
-        let add = |sums: &mut Vec<f64>, more: &[f64]| {
-            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
-        };
-        if self.intervals.is_multiple_of(self.part) {
-            if self.parts.len() == MOST_PARTS {
-                let pairs = self.parts.chunks_exact(2).map(|pair| {
-                    let mut both = pair[0].clone();
-                    add(&mut both, &pair[1]);
-                    both
-                });
-                self.parts = pairs.collect();
-                self.part *= 2;
-            }
-            self.parts.push(vec![0.0; logarithms.len()]);
-        }
-        if let Some(last) = self.parts.last_mut() {
-            add(last, logarithms);
-        }
-        add(&mut self.sums, logarithms);
-        self.intervals += 1;
+        self.sums.iter_mut().zip(logarithms).for_each(|(sum, more)| *sum += more);
+        self.parts.push(logarithms.iter().copied());
+    }
+
+    /// Number of intervals.
+    fn intervals(&self) -> u64 {
+        self.parts.frames()
     }
 
     /// The exponents (1/s), with intervals of `interval_s`; NaN before the first one has passed.
     fn exponents_per_s(&self, interval_s: f64) -> Vec<f64> {
-        self.sums.iter().map(|sum| sum / (self.intervals as f64 * interval_s)).collect()
+        self.sums.iter().map(|sum| sum / (self.intervals() as f64 * interval_s)).collect()
     }
 
     /// The largest of the errors (1/s) of the mean of parts that are complete, and of longer ones: pairs of them, and of these, as long as there
@@ -192,12 +171,10 @@ impl Growth {
     /// # Source
     /// H. Flyvbjerg and H. G. Petersen, J. Chem. Phys. 91 (1989) 461, DOI 10.1063/1.457480.
     fn error_per_s(&self, number: usize, interval_s: f64) -> Option<f64> {
-        let per_s = 1.0 / (self.part as f64 * interval_s);
-        #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
-        let whole = &self.parts[..(self.intervals / self.part) as usize];
-        let mut means: Vec<f64> = whole.iter().map(|part| part[number] * per_s).collect();
+        let per_s = 1.0 / interval_s;
+        let mut means: Vec<f64> = self.parts.means().map(|part| part[number] * per_s).collect();
         let mut largest = None;
-        while means.len() >= FEWEST_PARTS {
+        while means.len() >= FEWEST {
             let error = Statistics::of(means.iter().copied()).and_then(|found| found.standard_error);
             largest = if error > largest { error } else { largest };
             means = means.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
@@ -231,27 +208,23 @@ impl Lyapunov {
             weights = tangents.weights(physics.scales().time_s);
         }
         let extent = || Extent { places: 0..physics.chain().bead_count(), steps: 0..=physics.step_count };
+        let told = Alignment::TOLD.iter().filter(|told| **told <= count).count();
         let drawn = beginning.is_drawn.then(|| Drawn {
             exponents: vec![Series::default(); count.min(MOST_CURVES)],
-            alignments: vec![
-                Series::default();
-                Alignment::TOLD.iter().filter(|told| **told <= count).count()
-            ],
+            alignments: vec![Series::default(); told],
             map: Picture::new(extent()),
         });
-        let (state, first, growth, alignment) = (None, 0, Growth::of(count), Alignment::of(count));
-        let has_all = count == most;
         Ok(Self {
+            growth: Growth::of(count),
+            alignment: Alignment::of(count),
+            has_all: count == most,
+            state: None,
+            first: 0,
             manifest,
             integrator,
             weights,
             count,
-            has_all,
             every,
-            state,
-            first,
-            growth,
-            alignment,
             drawn,
         })
     }
@@ -341,7 +314,7 @@ impl Analysis for Lyapunov {
 
     fn report(&mut self) -> Option<Report> {
         let mut report = Report { title: "Lyapunov exponents", ..Report::default() };
-        if self.growth.intervals == 0 {
+        if self.growth.intervals() == 0 {
             let why = format!(
                 "no exponent: fewer than {} steps were looked at; choose a shorter --interval-steps",
                 count(self.every)
@@ -357,7 +330,7 @@ impl Analysis for Lyapunov {
         let (interval_s, exponents) = (self.interval_s(), self.exponents_per_s());
         let errors: Vec<_> =
             (0..self.count).map(|place| self.growth.error_per_s(place, interval_s)).collect();
-        let over_s = self.growth.intervals as f64 * interval_s;
+        let over_s = self.growth.intervals() as f64 * interval_s;
         report.words.add("over", quantity(over_s, "s"));
         for (place, (exponent, error)) in exponents.iter().zip(&errors).enumerate().take(MOST_CURVES) {
             let shown = match error {
@@ -411,7 +384,7 @@ impl Analysis for Lyapunov {
     }
 
     fn value(&self, name: &str, _: Option<&str>) -> Option<Number> {
-        if self.growth.intervals == 0 {
+        if self.growth.intervals() == 0 {
             return None;
         }
         Some(Number::Double(match name {
@@ -448,10 +421,8 @@ mod tests {
             growth.add(&[1.0, f64::from(interval % 2)]);
         }
         assert_eq!(growth.exponents_per_s(0.5), [2.0, 1.0]);
-        assert!(growth.parts.len() <= MOST_PARTS && growth.part == 16);
-        let sum: f64 = growth.parts.iter().map(|part| part[0]).sum();
-        assert_eq!(sum, 1000.0);
-        // every whole part has as many of each
+        // 62 whole parts of 16 intervals, with as many of each
+        assert_eq!(growth.parts.means().collect::<Vec<_>>(), vec![[1.0, 0.5]; 62]);
         assert_eq!(growth.error_per_s(1, 0.5), Some(0.0));
         assert!(Growth::of(1).exponents_per_s(1.0)[0].is_nan());
     }

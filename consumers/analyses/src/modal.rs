@@ -2,8 +2,8 @@
 
 use crate::modes::{NO_FREQUENCY, about_rest};
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
-    Takes, frame_columns,
+    Allowed, Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
+    frame_columns,
 };
 use consumers::series::Series;
 use consumers::table::{Cell, Column};
@@ -73,7 +73,6 @@ pub static OFFER: Offer = Offer {
         Meaning::number("mean_distance", "mean η in the last frame"),
         Meaning::number("effective_modes_of_mean", "the same number from the mean energies of the modes"),
     ],
-    needs: Needs::FRAMES,
     begin: |beginning| Ok(Box::new(ModalAnalysis::begin(beginning)?)),
     ..Offer::PLAIN
 };

@@ -311,7 +311,7 @@ fn pulse_line(pulse: &Pulse) -> Vec<Cell> {
         Cell::Integer(pulse.bead_count),
     ];
     line.extend(point_cells(&pulse.measured.point));
-    line.extend([pulse.speed_over_solitary, pulse.fwhm_over_solitary].map(optional));
+    line.extend([pulse.speed_over_solitary, pulse.fwhm_over_solitary].map(Cell::from));
     line.extend([pulse.measured.momentum_kg_m_s, pulse.measured.energy_j].map(Cell::Double));
     line
 }
@@ -321,14 +321,10 @@ fn point_cells(point: &Point) -> [Cell; 6] {
         Cell::Integer(point.bead),
         Cell::Double(point.time_s),
         Cell::Double(point.v_peak_m_s),
-        optional(point.speed_beads_per_s),
-        optional(point.shape.map(|shape| shape.fwhm_beads)),
-        optional(point.shape.map(|shape| shape.asymmetry)),
+        point.speed_beads_per_s.into(),
+        point.shape.map(|shape| shape.fwhm_beads).into(),
+        point.shape.map(|shape| shape.asymmetry).into(),
     ]
-}
-
-fn optional(value: Option<f64>) -> Cell {
-    value.map_or(Cell::Empty, Cell::Double)
 }
 
 /// The strongest pulses under way, in the order of their numbers.

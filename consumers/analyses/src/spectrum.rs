@@ -4,8 +4,8 @@ mod found;
 
 use crate::places::{ALLOWED, TAKES_PAIR, TAKES_PLACE, pairs, places};
 use consumers::analysis::{
-    Allowed, Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag,
-    Takes, Whereabouts,
+    Allowed, Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
+    Whereabouts,
 };
 use consumers::table::Column;
 use figure::{Figure, FigureError};
@@ -18,9 +18,9 @@ use schemas::manifest::RunManifest;
 use std::ops::Range;
 use waves::dispersion::{Band, UnitCell};
 use waves::linear::LinearChain;
-use waves::place::{Place, Quantity, Sensors};
+use waves::place::{Place, Quantity};
 use waves::sampling::{Sampling, Take, segment_length};
-use waves::segments::Window;
+use waves::segments::{Segments, Window};
 use waves::spectrogram::Spectrogram;
 use waves::wave_map::WaveMap;
 use waves::welch::Welch;
@@ -96,15 +96,14 @@ pub static OFFER: Offer = Offer {
         ),
     ],
     tables: &[TableFlag { name: "out", help: "Table of what was asked for" }],
-    columns: &[],
     summary: &[
         Meaning::number("peak_hz", "frequency of the largest density of the velocity"),
         Meaning::number("peak_density", "that density"),
         Meaning::number("mean_square", "mean square of the velocity, less its mean"),
     ],
     place: Whereabouts::Of { setting: "at", also: &[], allowed: ALLOWED },
-    needs: Needs::FRAMES,
     begin: |beginning| Ok(Box::new(SpectrumAnalysis::begin(beginning)?)),
+    ..Offer::PLAIN
 };
 
 fn samples_of_segment(text: &str) -> Result<usize, String> {
@@ -161,13 +160,9 @@ impl Asked {
         let pairs = pairs.into_iter().map(|[from, to]| (index(from), index(to))).collect();
         let range: Beads = settings.one("beads").unwrap_or_default();
         let beads = range.of(beginning.manifest.physics.beads).map_err(|why| format!("--beads {why}"))?;
-        let quantity = if settings.says("of", "force") {
-            Quantity::Force
-        } else if settings.says("of", "displacement") {
-            Quantity::Displacement
-        } else {
-            Quantity::Velocity
-        };
+        let others = [Quantity::Force, Quantity::Displacement];
+        let quantity = others.into_iter().find(|quantity| settings.says("of", quantity.name()));
+        let quantity = quantity.unwrap_or(Quantity::Velocity);
         let window = if settings.says("window", "none") { Window::None } else { Window::Hann };
         let (segment, max_hz) = (settings.one("segment"), settings.one("max-frequency"));
         let asked = Self { quantity, places: places_once, pairs, beads, kind, segment, window, max_hz };
@@ -244,19 +239,11 @@ impl Engine {
         }
     }
 
-    fn segment_length(&self) -> usize {
+    fn segments(&self) -> &Segments {
         match self {
-            Self::Spectra(welch) => welch.segment_length(),
-            Self::Spectrogram(spectrogram) => spectrogram.segment_length(),
-            Self::Map(map) => map.segment_length(),
-        }
-    }
-
-    fn segment_count(&self) -> u64 {
-        match self {
-            Self::Spectra(welch) => welch.segment_count(),
-            Self::Spectrogram(spectrogram) => spectrogram.segment_count(),
-            Self::Map(map) => map.segment_count(),
+            Self::Spectra(welch) => welch.segments(),
+            Self::Spectrogram(spectrogram) => spectrogram.segments(),
+            Self::Map(map) => map.segments(),
         }
     }
 }
@@ -290,7 +277,7 @@ impl Linear {
 struct SpectrumAnalysis {
     manifest: RunManifest,
     asked: Asked,
-    sensors: Sensors,
+    chain: Chain,
     linear: Option<Linear>,
     last_step: u64,
     sampling: Sampling,
@@ -307,7 +294,6 @@ impl SpectrumAnalysis {
         let chain = manifest.physics.chain();
         Ok(Self {
             asked: Asked::of(beginning, &chain)?,
-            sensors: Sensors::new(chain),
             linear: Linear::of(&manifest),
             last_step: manifest.physics.step_count.min(*beginning.steps.end()),
             sampling: Sampling::default(),
@@ -315,6 +301,7 @@ impl SpectrumAnalysis {
             values: Vec::new(),
             engine: None,
             found: None,
+            chain,
             manifest,
         })
     }
@@ -337,7 +324,7 @@ impl SpectrumAnalysis {
             (Kind::Map, Quantity::Displacement) => self.values.extend(&frame.u_m[beads.clone()]),
             (Kind::Map, _) => self.values.extend(&frame.v_m_s[beads.clone()]),
             _ => {
-                let values = places.iter().map(|place| self.sensors.value(frame, *place, *quantity));
+                let values = places.iter().map(|place| place.value(&self.chain, frame, *quantity));
                 self.values.extend(values);
             }
         }
@@ -407,7 +394,7 @@ impl Analysis for SpectrumAnalysis {
 
     fn finish(&mut self, out: &mut dyn Outlet) -> Result<(), Refusal> {
         let samples = self.samples();
-        let Some(engine) = self.engine.take().filter(|engine| engine.segment_count() > 0) else {
+        let Some(engine) = self.engine.take().filter(|engine| engine.segments().count() > 0) else {
             return Err(too_few(&samples, self.sampling.break_count()));
         };
         let found =

@@ -5,7 +5,7 @@ use crate::point::Leading;
 use crate::series;
 use consumers::determination::{Outcome, Quantity};
 use consumers::energies::{EnergyOutcome, Reflection};
-use consumers::pulses::{Counts, Measured};
+use consumers::pulses::{Counts, Measured, Pulse};
 use consumers::table::{Cell, Column, Kind};
 use consumers::uncertain::Uncertain;
 use producer::sweep::{ParameterKind, ParameterValue, Sweep};
@@ -92,10 +92,8 @@ pub fn columns(sweep: &Sweep) -> Vec<Column> {
 
 /// The columns of the results of `sweep`.
 fn results(sweep: &Sweep) -> impl Iterator<Item = &'static (&'static str, Kind)> + use<> {
-    RESULTS.iter().chain(CHECKED.iter().filter({
-        let asked = sweep.check();
-        move |_| asked
-    }))
+    let checked = if sweep.check() { &CHECKED[..] } else { &[] };
+    RESULTS.iter().chain(checked)
 }
 
 /// The values of [`RESULTS`] and of [`CHECKED`], if the sweep asks for these, and of what else it asks for; those that are not
@@ -121,12 +119,8 @@ impl Results {
 
     /// The row of a point with these parameters.
     pub(crate) fn cells(self, parameters: &[Option<ParameterValue>]) -> Vec<Cell> {
-        parameters
-            .iter()
-            .map(|value| parameter_cell(value.as_ref()))
-            .chain(self.results)
-            .chain(self.measured)
-            .collect()
+        let parameters = parameters.iter().map(|value| parameter_cell(value.as_ref()));
+        parameters.chain(self.results).chain(self.measured).collect()
     }
 
     fn set(&mut self, name: &str, cell: Cell) -> &mut Self {
@@ -209,7 +203,7 @@ impl Results {
         for Leading { direction, count, strongest } in leading {
             let way = direction.as_str();
             self.integer(&format!("{way}_pulses"), *count);
-            let Some(Measured { point, energy_j, .. }) = strongest else { continue };
+            let Some(Pulse { measured: Measured { point, energy_j, .. }, .. }) = strongest else { continue };
             self.integer(&format!("{way}_bead"), point.bead);
             self.double(&format!("{way}_v_peak_m_s"), point.v_peak_m_s);
             self.double(&format!("{way}_speed_beads_per_s"), point.speed_beads_per_s.unwrap_or(f64::NAN));

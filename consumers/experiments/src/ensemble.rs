@@ -91,7 +91,7 @@ impl<'a> EnsembleTable<'a> {
         });
         group.count += 1;
         for (values, place) in group.numbers.iter_mut().zip(&self.numbers) {
-            values.extend(number(cell(place)));
+            values.extend(cell(place).number());
         }
         whole
     }
@@ -119,16 +119,6 @@ fn statistics(found: Option<&Statistics>) -> [Cell; STATISTICS.len()] {
     let Some(Statistics { mean, standard_error, median, quantiles: [q05, q25, q75, q95], .. }) = found else {
         return [const { Cell::Empty }; STATISTICS.len()];
     };
-    let error = standard_error.map_or(Cell::Empty, Cell::Double);
-    let [mean, median, q05, q25, q75, q95] =
-        [mean, median, q05, q25, q75, q95].map(|value| Cell::Double(*value));
-    [mean, error, median, q05, q25, q75, q95]
-}
-
-fn number(cell: &Cell) -> Option<f64> {
-    match cell {
-        Cell::Integer(value) => Some(*value as f64),
-        Cell::Double(value) => Some(*value),
-        Cell::Word(_) | Cell::Empty => None,
-    }
+    let (mean, median) = (Some(*mean), Some(*median));
+    [mean, *standard_error, median, Some(*q05), Some(*q25), Some(*q75), Some(*q95)].map(Cell::from)
 }

@@ -300,11 +300,10 @@ impl Measures {
     pub(crate) fn observe(&mut self, frame: &Frame<'_>) {
         self.has_seen = true;
         for looking in &mut self.looking {
-            match looking {
-                Looking::Beside { offer, analysis, last } if !offer.needs.last_frame_only => {
-                    analysis.observe(frame, last);
-                }
-                _ => {}
+            if let Looking::Beside { offer, analysis, last } = looking
+                && !offer.needs.last_frame_only
+            {
+                analysis.observe(frame, last);
             }
         }
     }

@@ -6,7 +6,7 @@ use analyses::energies::EnergyAnalysis;
 use analyses::pulses::PulseAnalysis;
 use consumers::analysis::{Analysis, Beginning, LastRow, Number, Settings};
 use consumers::energies::Energies;
-use consumers::pulses::{Direction, Measured, Pulse, Pulses};
+use consumers::pulses::{Direction, Pulse, Pulses};
 use consumers::table::Cell;
 use producer::sweep::{MeasureOf, Sweep};
 use schemas::frame::{Frame, FrameSink};
@@ -48,11 +48,12 @@ impl PointAnalyses {
             let _ = settings.set(setting, vec![bead.to_string()]);
         }
         let beginning = Beginning::whole(Self::STANDARD[0], manifest, &settings);
+        let leading = |direction| Leading { direction, count: 0, strongest: None };
         Ok(Self {
             energies: EnergyAnalysis::begin(&beginning)
                 .map_err(|refusal| ("split_bead".to_owned(), refusal.to_string()))?,
             pulses: PulseAnalysis::new(&beginning),
-            leading: [Direction::Forward, Direction::Backward].map(Leading::new),
+            leading: [Direction::Forward, Direction::Backward].map(leading),
             measures: Measures::new(sweep.measure(), &Self::STANDARD, manifest)
                 .map_err(of(MeasureOf::Summary))?,
             measure_from: manifest.physics.step_at_or_after(sweep.measure_from_s()),
@@ -141,14 +142,10 @@ pub(crate) struct Leading {
     pub(crate) direction: Direction,
     pub(crate) count: u64,
     /// The one of the largest peak velocity.
-    pub(crate) strongest: Option<Measured>,
+    pub(crate) strongest: Option<Pulse>,
 }
 
 impl Leading {
-    fn new(direction: Direction) -> Self {
-        Self { direction, count: 0, strongest: None }
-    }
-
     fn take(&mut self, pulse: &Pulse, split_bead: u64) {
         let bead = pulse.measured.point.bead;
         let is_beyond = match self.direction {
@@ -159,9 +156,6 @@ impl Leading {
             return;
         }
         self.count += 1;
-        let peak = |measured: &Measured| measured.point.v_peak_m_s.abs();
-        if self.strongest.as_ref().is_none_or(|strongest| peak(&pulse.measured) > peak(strongest)) {
-            self.strongest = Some(pulse.measured);
-        }
+        self.strongest = Pulse::stronger(self.strongest, Some(*pulse));
     }
 }

@@ -49,10 +49,9 @@ struct Conduct<'a, P> {
     progress: P,
 }
 
-impl<P: Fn(u64)> Conduct<'_, P> {
-    fn go_on(&self) -> ControlFlow<()> {
-        if self.stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
+/// Goes on until `stop` is set.
+pub(crate) fn go_on(stop: &AtomicBool) -> ControlFlow<()> {
+    if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
@@ -63,7 +62,7 @@ impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
         _: Option<&mut RecordingWriter>,
     ) -> ControlFlow<()> {
         (self.progress)(frame.step);
-        self.go_on()
+        go_on(self.stop)
     }
 
     fn hears_every_frame(&self, _: &Unpublished) -> bool {
@@ -71,6 +70,6 @@ impl<P: Fn(u64)> Conductor<Unpublished, RecordingWriter> for Conduct<'_, P> {
     }
 
     fn between_steps(&mut self, _: &mut Unpublished) -> ControlFlow<()> {
-        self.go_on()
+        go_on(self.stop)
     }
 }

@@ -3,6 +3,7 @@
 use crate::columns::{ERROR_COLUMN, Results};
 use crate::compare::compare;
 use crate::point::PointAnalyses;
+use crate::recorded::go_on;
 use consumers::determination::TOLERANCE;
 use consumers::energies::Energies;
 use consumers::table::Cell;
@@ -342,14 +343,6 @@ impl<'a> Conduct<'a> {
         Self { signals, stationary_for_s, settled: None }
     }
 
-    fn go_on(&self) -> ControlFlow<()> {
-        if self.signals.stop.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-
     /// Reason why nothing more can be learnt of the reflected energy, if that ends the point.
     fn settled(&self, energies: &Energies, time_s: f64) -> Option<Settled> {
         let wanted_s = self.stationary_for_s?;
@@ -376,11 +369,11 @@ impl<R> Conductor<PointAnalyses, R> for Conduct<'_> {
         if self.settled.is_some() {
             return ControlFlow::Break(());
         }
-        self.go_on()
+        go_on(self.signals.stop)
     }
 
     fn between_steps(&mut self, _: &mut PointAnalyses) -> ControlFlow<()> {
-        self.go_on()
+        go_on(self.signals.stop)
     }
 }
 

@@ -4,7 +4,7 @@
 //! mean of each column. Tables have a line for each interval instead.
 
 use crate::measures::{InRow, Measure, place_among};
-use consumers::analysis::{Analysis, LastRow, Number, Settings};
+use consumers::analysis::{Analysis, LastRow, Settings};
 use consumers::table::{Cell, Column, Kind};
 use producer::sweep::{MeasureOf, Sweep};
 use schemas::frame::Frame;
@@ -96,10 +96,9 @@ impl SeriesSums {
         let value = |(at, way): &(usize, InRow)| {
             let found = match way {
                 InRow::Place(place) => rows[*at].values().and_then(|row| row.numbers().get(*place).copied()),
-                InRow::Number(name) => self.looking[*at].value(name, None).map(|number| match number {
-                    Number::Count(count) => count as f64,
-                    Number::Double(value) => value,
-                }),
+                InRow::Number(name) => {
+                    self.looking[*at].value(name, None).and_then(|number| Cell::from(number).number())
+                }
             };
             found.unwrap_or(f64::NAN)
         };
@@ -113,7 +112,7 @@ impl SeriesSums {
     /// The cells of all intervals: means of the values that there are, empty where there is none.
     pub(crate) fn cells(&self) -> impl Iterator<Item = Cell> {
         let mean = |[count, sum]: &[f64; 2]| Some(sum / count).filter(|mean| mean.is_finite());
-        self.sums.iter().flatten().map(move |sums| mean(sums).map_or(Cell::Empty, Cell::Double))
+        self.sums.iter().flatten().map(move |sums| mean(sums).into())
     }
 }
 

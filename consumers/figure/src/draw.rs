@@ -212,7 +212,7 @@ impl Drawing<'_> {
                 let piece: Vec<_> = piece.iter().copied().flatten().collect();
                 // Each piece gets its part of the limit.
                 let part = limit * piece.len() / places.len().max(1);
-                path.extend(line_path(&decimate::line(&piece, part)));
+                path.extend(Step::line(&decimate::line(&piece, part)));
             }
             let pen = self.look.curve_pen(ink, stroke);
             if has_ground && !path.is_empty() {
@@ -244,7 +244,7 @@ impl Drawing<'_> {
                     self.sheet.line(*top, *bottom, Pen::solid(tint(colour), 2.0 * self.look.mark));
                 }
                 outline => {
-                    let path = line_path(outline).chain([Step::Close]).collect();
+                    let path = Step::line(outline).chain([Step::Close]).collect();
                     self.sheet.tinted(path, colour, BAND_OPACITY);
                 }
             }
@@ -330,14 +330,6 @@ fn tint(colour: Colour) -> Colour {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
     let [red, green, blue] = colour.rgb().map(|byte| part(byte).round() as u8);
     Colour::Rgb(red, green, blue)
-}
-
-/// A line through places; a single one becomes a dot.
-fn line_path(places: &[(f64, f64)]) -> impl Iterator<Item = Step> {
-    let begin = places.first().map(|&(x, y)| Step::Move(x, y));
-    // a line of no length has round ends
-    let rest = if places.len() == 1 { places } else { places.get(1..).unwrap_or_default() };
-    begin.into_iter().chain(rest.iter().map(|&(x, y)| Step::Line(x, y)))
 }
 
 #[cfg(test)]

@@ -256,7 +256,8 @@ mod tests {
     use super::*;
 
     fn figure() -> Figure {
-        let raster = Raster::rgb(1, 2, vec![9, 9, 9, 200, 200, 200]);
+        let greys = [9, 200].map(|grey| ("", Colour::Rgb(grey, grey, grey)));
+        let raster = Raster::classes(1, 2, vec![0, 1], &greys);
         Figure::new()
             .caption("</text> & \u{7}")
             .panel(Panel::new().line("<a>", [(0.0, 1.0), (2.0, 3.0)]))

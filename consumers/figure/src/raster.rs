@@ -1,4 +1,4 @@
-//! Images of cells: classes with names and colours, or plain colours, spread over a range of x and y.
+//! Images of cells: classes with names and colours, spread over a range of x and y.
 
 use super::FigureError;
 use super::colour_scale::{ColourScale, diverging};
@@ -17,17 +17,13 @@ const NO_NUMBER: &str = "no frames";
 pub struct Raster {
     width: u32,
     height: u32,
-    colours: Colours,
+    /// The class of each cell, row by row.
+    cells: Vec<u8>,
+    classes: Vec<(String, Colour)>,
     /// Scale that the bar beside the raster explains.
     pub(super) scale: Option<ColourScale>,
     pub(super) x: (f64, f64),
     pub(super) y: (f64, f64),
-}
-
-#[derive(Debug, Clone)]
-enum Colours {
-    Classes { cells: Vec<u8>, classes: Vec<(String, Colour)> },
-    Rgb(Vec<u8>),
 }
 
 /// An image as it is drawn, row by row.
@@ -75,7 +71,7 @@ impl Raster {
         cells: Vec<u8>,
         classes: &[(&str, Colour)],
     ) -> Result<Self, FigureError> {
-        check_length(width, height, 1, cells.len())?;
+        check_length(width, height, cells.len())?;
         if let Some(cell) = cells.iter().position(|class| usize::from(*class) >= classes.len()) {
             return Err(FigureError::RasterClass {
                 cell,
@@ -84,8 +80,7 @@ impl Raster {
             });
         }
         let classes = classes.iter().map(|(name, colour)| ((*name).to_owned(), *colour));
-        let classes = classes.collect();
-        Ok(Self::new(width, height, Colours::Classes { cells, classes }))
+        Ok(Self::new((width, height), cells, classes.collect()))
     }
 
     /// Cells of signed numbers, each in the colour that `scale` gives it, with a bar beside the axes: `values` has
@@ -102,7 +97,7 @@ impl Raster {
         /// Colours of each sign; with white and grey they fill a palette of bytes.
         const SHADES: u8 = 127;
         const NOTHING: u8 = 2 * SHADES + 1;
-        check_length(width, height, 1, values.len())?;
+        check_length(width, height, values.len())?;
         let cell = |value: Option<f64>| {
             let shade = value.map(|value| scale.shade(value) * f64::from(SHADES));
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 254")]
@@ -115,31 +110,19 @@ impl Raster {
         if cells.contains(&NOTHING) {
             classes.push((NO_NUMBER.to_owned(), Colour::LightGrey));
         }
-        Ok(Self { scale: Some(scale), ..Self::new(width, height, Colours::Classes { cells, classes }) })
+        Ok(Self { scale: Some(scale), ..Self::new((width, height), cells, classes) })
     }
 
     /// Names the cells of [`Raster::values`] that have no number, if there are any.
     pub fn nothing(mut self, name: &str) -> Self {
-        if let Colours::Classes { classes, .. } = &mut self.colours {
-            classes
-                .iter_mut()
-                .filter(|(known, _)| known == NO_NUMBER)
-                .for_each(|class| name.clone_into(&mut class.0));
-        }
+        let without = self.classes.iter_mut().filter(|(known, _)| known == NO_NUMBER);
+        without.for_each(|class| name.clone_into(&mut class.0));
         self
     }
 
-    /// Cells of any colour: `rgb` has shape (`height`, `width`, 3), row by row.
-    ///
-    /// # Errors
-    /// [`FigureError::RasterLength`] where `rgb` is not `3 · width · height` long.
-    pub fn rgb(width: u32, height: u32, rgb: Vec<u8>) -> Result<Self, FigureError> {
-        check_length(width, height, 3, rgb.len())?;
-        Ok(Self::new(width, height, Colours::Rgb(rgb)))
-    }
-
-    fn new(width: u32, height: u32, colours: Colours) -> Self {
-        Self { width, height, colours, scale: None, x: (0.0, f64::from(width)), y: (0.0, f64::from(height)) }
+    fn new((width, height): (u32, u32), cells: Vec<u8>, classes: Vec<(String, Colour)>) -> Self {
+        let (x, y) = ((0.0, f64::from(width)), (0.0, f64::from(height)));
+        Self { width, height, cells, classes, scale: None, x, y }
     }
 
     /// Spreads the cells over these ranges of the axes: the first column begins at `x.0`, the first row
@@ -152,11 +135,8 @@ impl Raster {
 
     /// The names and colours for the legend.
     pub(super) fn named_classes(&self) -> impl Iterator<Item = (&str, Colour)> {
-        let classes = match &self.colours {
-            Colours::Classes { classes, .. } => classes.as_slice(),
-            Colours::Rgb(_) => &[],
-        };
-        classes.iter().filter(|(name, _)| !name.is_empty()).map(|(name, colour)| (name.as_str(), *colour))
+        let named = self.classes.iter().filter(|(name, _)| !name.is_empty());
+        named.map(|(name, colour)| (name.as_str(), *colour))
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -166,20 +146,13 @@ impl Raster {
     /// The cells as they are drawn, mirrored as the axes ask. With `dots`, the size on paper in device dots, each dot gets
     /// the mean colour of what it covers, unless cells are many dots large.
     pub(super) fn cells(&self, mirror: (bool, bool), dots: Option<(u32, u32)>) -> Cells {
-        let (width, height) = (self.width, self.height);
-        match (&self.colours, dots.filter(|dots| self.is_better_averaged(*dots))) {
-            (_, Some((width, height))) => {
-                let bytes = mirrored::<3>(&self.averaged(width, height), width, mirror);
-                Cells { width, height, palette: None, bytes }
-            }
-            (Colours::Classes { cells, classes }, None) => {
-                let palette = classes.iter().flat_map(|(_, colour)| colour.rgb()).collect();
-                Cells { width, height, palette: Some(palette), bytes: mirrored::<1>(cells, width, mirror) }
-            }
-            (Colours::Rgb(rgb), None) => {
-                Cells { width, height, palette: None, bytes: mirrored::<3>(rgb, width, mirror) }
-            }
+        if let Some((width, height)) = dots.filter(|dots| self.is_better_averaged(*dots)) {
+            let bytes = mirrored::<3>(&self.averaged(width, height), width, mirror);
+            return Cells { width, height, palette: None, bytes };
         }
+        let palette = self.classes.iter().flat_map(|(_, colour)| colour.rgb()).collect();
+        let bytes = mirrored::<1>(&self.cells, self.width, mirror);
+        Cells { width: self.width, height: self.height, palette: Some(palette), bytes }
     }
 
     /// True if picking the nearest cell for each dot would lose cells or make them visibly uneven.
@@ -193,11 +166,7 @@ impl Raster {
     }
 
     fn colour_at(&self, cell: usize) -> [f64; 3] {
-        let [red, green, blue] = match &self.colours {
-            Colours::Classes { cells, classes } => classes[usize::from(cells[cell])].1.rgb(),
-            Colours::Rgb(rgb) => [rgb[3 * cell], rgb[3 * cell + 1], rgb[3 * cell + 2]],
-        };
-        [red, green, blue].map(f64::from)
+        self.classes[usize::from(self.cells[cell])].1.rgb().map(f64::from)
     }
 
     /// The image at a coarser size: each new cell has the mean colour of the area it covers.
@@ -256,8 +225,8 @@ fn mirrored<const N: usize>(bytes: &[u8], width: u32, (mirror_x, mirror_y): (boo
     rows.into_iter().flat_map(reverse).collect()
 }
 
-fn check_length(width: u32, height: u32, cell_bytes: u64, found: usize) -> Result<(), FigureError> {
-    let expected = (u64::from(width) * u64::from(height)).saturating_mul(cell_bytes);
+fn check_length(width: u32, height: u32, found: usize) -> Result<(), FigureError> {
+    let expected = u64::from(width) * u64::from(height);
     if expected == found as u64 {
         return Ok(());
     }
@@ -277,7 +246,6 @@ mod tests {
         assert_eq!(error.to_string(), "a raster of 3 × 2 cells takes 6 bytes, not 5");
         let error = Raster::classes(1, 2, vec![0, 2], &CLASSES).expect_err("no class 2");
         assert!(error.to_string().contains("cell 1"));
-        assert!(Raster::rgb(1, 1, vec![0; 4]).is_err());
     }
 
     #[test]

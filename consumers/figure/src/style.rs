@@ -118,13 +118,9 @@ impl Mark {
                 (-0.3, -0.3),
             ],
         };
-        let mut path = Vec::with_capacity(corners.len() + 1);
-        for (index, (right, down)) in corners.iter().enumerate() {
-            let (x, y) = (x + right * radius, y + down * radius);
-            path.push(if index == 0 { Step::Move(x, y) } else { Step::Line(x, y) });
-        }
-        path.push(Step::Close);
-        path
+        let places: Vec<_> =
+            corners.iter().map(|(right, down)| (x + right * radius, y + down * radius)).collect();
+        Step::line(&places).chain([Step::Close]).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::branch::Change;
 use crate::map::STEPS;
-use crate::multipliers::Multipliers;
+use crate::multipliers::{Multiplier, Multipliers};
 use crate::spectra::Spectrum;
 use crate::{NoOrbit, Orbit};
 use consumers::table::{Cell, Column, Kind};
@@ -54,13 +54,13 @@ pub fn branch_of(row: &[Cell]) -> usize {
 
 /// The row of an orbit in the columns of one branch.
 pub fn row(orbit: &Orbit) -> Vec<Cell> {
-    let largest = orbit.multipliers.largest().map_or(Cell::Empty, |one| Cell::Double(one.size()));
+    let largest = orbit.multipliers.largest().map(Multiplier::size);
     vec![
         Cell::Double(orbit.unknown.parameter),
         Cell::Double(orbit.period_s()),
         Cell::Double(orbit.energy_j),
         Cell::Double(orbit.amplitude_m()),
-        largest,
+        largest.into(),
         Cell::Integer(orbit.multipliers.unstable().count() as u64),
         Cell::Double(orbit.returns),
     ]
@@ -87,7 +87,7 @@ pub fn map_row([across, along]: [f64; 2], found: Result<&Orbit, &NoOrbit>) -> Ve
     };
     // the sizes of those on the circle differ by rounding
     let largest = orbit.multipliers.unstable().next();
-    let angle = largest.map_or(Cell::Empty, |one| Cell::Double(one.angle_rad()));
+    let angle = Cell::from(largest.map(Multiplier::angle_rad));
     let way = Cell::Word(way(&orbit.multipliers).to_owned());
     [Cell::Double(across)].into_iter().chain(row(orbit)).chain([angle, way]).collect()
 }
@@ -143,11 +143,7 @@ pub fn values(orbit: &Orbit) -> Vec<f64> {
 }
 
 fn double(cell: &Cell) -> f64 {
-    match cell {
-        Cell::Double(value) => *value,
-        Cell::Integer(value) => *value as f64,
-        _ => f64::NAN,
-    }
+    cell.number().unwrap_or(f64::NAN)
 }
 
 /// The multipliers of an orbit on the complex plane, with the unit circle.
@@ -156,7 +152,7 @@ pub fn multipliers(caption: impl Into<String>, found: &Multipliers) -> Figure {
         let angle = TAU * f64::from(degree) / 360.0;
         (angle.cos(), angle.sin())
     });
-    let place = |one: crate::multipliers::Multiplier| (one.re, one.im);
+    let place = |one: Multiplier| (one.re, one.im);
     let unstable: Vec<_> = found.unstable().collect();
     let stable: Vec<_> = found.telling().filter(|one| !unstable.contains(one)).map(place).collect();
     let mut panel = Panel::new().curve(Curve::line("", circle).thin()).height(1.5);

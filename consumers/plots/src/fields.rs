@@ -1,6 +1,6 @@
 //! Quantities of every bead or contact: at one time, and over space and time.
 
-use super::{caption, energy, length, map_panel, prefix, rounded, short, sides};
+use super::{caption, map_panel, prefix, quantity, rounded, short, sides};
 use consumers::fields::Field;
 use consumers::space_time::Picture;
 use figure::{Axis, Colour, ColourScale, Curve, Figure, FigureError, Mark, Panel, Raster, Stroke};
@@ -151,8 +151,7 @@ pub fn space_time(
     } else {
         let said = |value: f64| match field {
             Field::Velocity => format!("{}\u{a0}m/s", short(rounded(value))),
-            Field::Displacement | Field::Overlap => length(value),
-            Field::Energy => energy(value),
+            _ => quantity(value, field.unit()),
         };
         let farthest = said(if largest > -least { largest } else { least });
         let symmetric = range.is_none_or(|[from, to]| from == -to);
@@ -241,28 +240,13 @@ fn linear_within(low: f64, high: f64) -> f64 {
 }
 
 fn field_name(field: Field) -> &'static str {
-    match field {
-        Field::Velocity => "velocity",
-        Field::Displacement => "displacement",
-        Field::Overlap => "overlap",
-        Field::Energy => "energy of a bead",
-    }
+    if field == Field::Energy { "energy of a bead" } else { field.as_str() }
 }
 
 /// The label of an axis on which `largest` is shown as 1 to 1000, and the factor from SI units.
 fn label(field: Field, largest: f64) -> (String, f64) {
-    let name = field_name(field);
-    match field {
-        Field::Velocity => (format!("{name} (m/s)"), 1.0),
-        Field::Displacement | Field::Overlap => {
-            let (prefix, factor) = prefix(largest);
-            (format!("{name} ({prefix}m)"), factor)
-        }
-        Field::Energy => {
-            let (prefix, factor) = prefix(largest);
-            (format!("{name} ({prefix}J)"), factor)
-        }
-    }
+    let (prefix, factor) = if field == Field::Velocity { ("", 1.0) } else { prefix(largest) };
+    (format!("{} ({prefix}{})", field_name(field), field.unit()), factor)
 }
 
 /// The same for differences from the values at rest.
@@ -318,10 +302,10 @@ fn beyond_note(field: Field, values: &[f64], shown: [f64; 2]) -> String {
     match (farthest, field) {
         (None, _) | (_, Field::Velocity | Field::Energy) => String::new(),
         (Some(farthest), Field::Displacement) => {
-            format!("{} beyond the frame, as far as {}", number_of("bead"), length(farthest))
+            format!("{} beyond the frame, as far as {}", number_of("bead"), quantity(farthest, "m"))
         }
         (Some(farthest), Field::Overlap) => {
-            format!("{}, up to {}", number_of("wider gap"), length(-farthest))
+            format!("{}, up to {}", number_of("wider gap"), quantity(-farthest, "m"))
         }
     }
 }

@@ -125,16 +125,7 @@ fn three(value: f64) -> String {
     format!("{value:.decimals$}").replace('-', "−")
 }
 
-/// A length in three digits, with a prefix.
-fn length(value_m: f64) -> String {
-    quantity(value_m, "m")
-}
-
-/// An energy in three digits, with a prefix.
-fn energy(value_j: f64) -> String {
-    quantity(value_j, "J")
-}
-
+/// A quantity in three digits, with a prefix.
 fn quantity(value: f64, unit: &str) -> String {
     let (prefix, factor) = prefix(value.abs());
     format!("{}\u{a0}{prefix}{unit}", short(rounded(value * factor)))

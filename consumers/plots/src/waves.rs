@@ -102,14 +102,8 @@ pub struct TransmissionCurve<'a> {
 
 /// The unit of frequencies up to `top_hz`, and how many of it make one Hz.
 fn frequency_unit(top_hz: f64) -> (String, f64) {
-    let (one, factor) = if top_hz >= 1e6 {
-        ("MHz", 1e-6)
-    } else if top_hz >= 1e3 {
-        ("kHz", 1e-3)
-    } else {
-        ("Hz", 1.0)
-    };
-    (format!("frequency ({one})"), factor)
+    let (prefix, factor) = prefix_of_hz(top_hz);
+    (format!("frequency ({prefix}Hz)"), factor)
 }
 
 /// The unit of a density as it is drawn.
@@ -126,8 +120,7 @@ fn named(place: Place) -> String {
     match place {
         Place::Bead(bead) => format!("bead {bead}"),
         Place::Contact(contact) => format!("contact {contact}"),
-        Place::Wall(waves::place::Side::Left) => "left wall".to_owned(),
-        Place::Wall(waves::place::Side::Right) => "right wall".to_owned(),
+        Place::Wall(side) => format!("{side} wall"),
     }
 }
 

@@ -1,8 +1,7 @@
 //! Quantities shown along the chain and over time.
 
 use consumers::contacts::{COMPRESSED, Contacts, OPEN, default_tolerance_m};
-use consumers::fields;
-use consumers::local_energy::bead_energies_j;
+use consumers::fields::Field as Quantity;
 use schemas::chain::Chain;
 use schemas::frame::Frame;
 use schemas::manifest::RunManifest;
@@ -28,14 +27,17 @@ impl Field {
     pub const ALL: [Self; 5] =
         [Self::Velocity, Self::Displacement, Self::Overlap, Self::Energy, Self::Contacts];
 
+    /// The quantity that it shows, in whose order fields stand; none for classes of contacts.
+    fn quantity(self) -> Option<Quantity> {
+        Quantity::ALL.get(self as usize).copied()
+    }
+
     /// Its name.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Velocity => "velocity",
-            Self::Displacement => "displacement",
-            Self::Overlap => "overlap",
-            Self::Energy => "energy",
-            Self::Contacts => "contacts",
+        match self.quantity() {
+            Some(Quantity::Energy) => "energy",
+            Some(quantity) => quantity.as_str(),
+            None => "contacts",
         }
     }
 
@@ -47,17 +49,12 @@ impl Field {
 
     /// The kind of place that has a value.
     pub(crate) fn place(self) -> &'static str {
-        if matches!(self, Self::Overlap | Self::Contacts) { "contact" } else { "bead" }
+        self.quantity().map_or("contact", Quantity::place)
     }
 
     /// Its unit; contacts have none.
     pub(crate) fn unit(self) -> &'static str {
-        match self {
-            Self::Velocity => "m/s",
-            Self::Displacement | Self::Overlap => "m",
-            Self::Energy => "J",
-            Self::Contacts => "",
-        }
+        self.quantity().map_or("", Quantity::unit)
     }
 }
 
@@ -77,13 +74,9 @@ impl Fields {
 
     /// The values of `field` in `frame`, in the order of the chain.
     pub(crate) fn values(&mut self, field: Field, frame: &Frame<'_>) -> Vec<f64> {
-        let of = |field: fields::Field| field.deviations(&self.chain, frame).collect();
-        match field {
-            Field::Velocity => of(fields::Field::Velocity),
-            Field::Displacement => of(fields::Field::Displacement),
-            Field::Overlap => of(fields::Field::Overlap),
-            Field::Energy => bead_energies_j(&self.chain, frame),
-            Field::Contacts => self.contacts.observe(frame).iter().copied().map(class_value).collect(),
+        match field.quantity() {
+            Some(quantity) => quantity.deviations(&self.chain, frame).collect(),
+            None => self.contacts.observe(frame).iter().copied().map(class_value).collect(),
         }
     }
 }

@@ -175,11 +175,8 @@ impl FirstPulse {
             return;
         }
         if self.samples.len() == Self::CAPACITY {
-            let mut position = 0;
-            self.samples.retain(|_| {
-                position += 1;
-                position % 2 == 1
-            });
+            let mut stays = [true, false].into_iter().cycle();
+            self.samples.retain(|_| stays.next() == Some(true));
             self.stride *= 2;
             self.lowest = self.lowest.map(|(length, lowest_m)| (length.div_ceil(2), lowest_m));
         }

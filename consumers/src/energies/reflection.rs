@@ -33,6 +33,7 @@
 use super::step_error::step_error_j;
 use super::window::Window;
 use crate::uncertain::Uncertain;
+use schemas::drive::Side;
 use schemas::manifest::{Physics, RunManifest};
 use serde::Serialize;
 use std::fmt;
@@ -60,25 +61,6 @@ const WINDOW: f64 = 50.0;
 
 /// Length of the window over which the recoil is watched, in T: a pulse runs about its own length in it.
 const RECOIL_WINDOW: f64 = 10.0;
-
-/// A side of the split bead.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// Lower bead numbers.
-    Left,
-    /// Higher bead numbers.
-    Right,
-}
-
-impl Side {
-    /// `left` or `right`.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Right => "right",
-        }
-    }
-}
 
 /// Reason why there is no reflected energy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -143,7 +125,7 @@ pub struct Recoil {
 }
 
 /// Reflected and transmitted energy.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reflected {
     /// The frame they were measured in.
     pub at: Moment,

@@ -1,5 +1,6 @@
 //! Obstacles, which break a pulse up: beads of another mass than the chain around them, contacts of another stiffness, and the ends.
 
+use super::signed;
 use schemas::chain::Chain;
 use std::collections::BTreeSet;
 
@@ -53,11 +54,11 @@ impl Obstacles {
         let odd = odd_contacts(&stiffnesses, even);
         let is_odd = |bead: usize| odd.contains(&bead) || bead > 0 && odd.contains(&(bead - 1));
         let found = (0..m.len()).filter(|bead| is_obstacle(*bead) && is_alone(*bead) || is_odd(*bead));
-        let mut beads: Vec<i64> = found.map(index).collect();
+        let mut beads: Vec<i64> = found.map(|bead| signed(bead as u64)).collect();
         if beads.len() * 10 > m.len() {
             beads.clear();
         }
-        Self { bead_count: index(m.len()), beads }
+        Self { bead_count: signed(m.len() as u64), beads }
     }
 
     /// The obstacle that is nearest to `bead`, or `bead` itself if there is none.
@@ -115,11 +116,6 @@ fn ends_at(
     let even_ahead = ahead.len() == even && ahead.clone().all(|other| same(next, other));
     let mut even_behind = || behind.len() == even && behind.all(|other| same(bead, other));
     !same(next, bead) && same(next, second) && (even_ahead || even_behind())
-}
-
-/// Bead numbers are at most 2e7.
-fn index(bead: usize) -> i64 {
-    i64::try_from(bead).unwrap_or(i64::MAX)
 }
 
 #[cfg(test)]

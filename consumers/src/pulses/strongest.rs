@@ -31,11 +31,8 @@ impl Path {
     fn push(&mut self, point: Point) {
         if self.offered.is_multiple_of(self.stride) {
             if self.kept.len() == Self::CAPACITY {
-                let mut position = 0;
-                self.kept.retain(|_| {
-                    position += 1;
-                    position % 2 == 1
-                });
+                let mut stays = [true, false].into_iter().cycle();
+                self.kept.retain(|_| stays.next() == Some(true));
                 self.stride *= 2;
             }
             self.kept.push(point);

@@ -224,7 +224,13 @@ mod tests {
         let mut table = Table::create(&path, &columns, false).expect("new file");
         table.integer(0).empty().empty().empty().end_row().expect("memory");
         for value in values {
-            table.integer(u64::MAX).double(value).empty().word("a, \"b\"").end_row().expect("memory");
+            table
+                .integer(u64::MAX)
+                .double(value)
+                .empty()
+                .cell(Cell::Word("a, \"b\"".to_owned()))
+                .end_row()
+                .expect("memory");
         }
         assert!(!path.exists());
         table.finish().expect("disk");

@@ -177,7 +177,12 @@ mod tests {
             let path = dir.path().join(name);
             let mut table = Table::create(&path, &columns, false).expect("new file");
             for (i, word) in (0_u32..).zip(words) {
-                table.integer(i.into()).double(0.1 * f64::from(i)).word(word).end_row().expect("disk");
+                table
+                    .integer(i.into())
+                    .double(0.1 * f64::from(i))
+                    .cell(Cell::Word(word.to_owned()))
+                    .end_row()
+                    .expect("disk");
             }
             table.empty().empty().empty().end_row().expect("disk");
             read(&table.finish().expect("disk")).expect("a table")

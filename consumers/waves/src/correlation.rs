@@ -1,7 +1,6 @@
 //! Correlations by Fourier transforms: of rows of values over distance, and of a signal with itself over time.
 
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use std::fmt;
 use std::sync::Arc;
 
 pub use realfft::num_complex::Complex;
@@ -13,12 +12,6 @@ pub struct Correlator {
     inverse: Arc<dyn ComplexToReal<f64>>,
     values: Vec<f64>,
     scratch: Vec<Complex<f64>>,
-}
-
-impl fmt::Debug for Correlator {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Correlator").field("length", &self.values.len()).finish_non_exhaustive()
-    }
 }
 
 impl Correlator {
@@ -55,7 +48,6 @@ impl Correlator {
 
 /// The autocorrelation of a signal up to a lag, from windows of twice as many samples that overlap by half: each sample is the earlier one of a
 /// pair for each lag.
-#[derive(Debug)]
 pub struct Autocorrelation {
     lags: usize,
     correlator: Correlator,

@@ -5,7 +5,6 @@ use crate::modes::{Modes, ModesError};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
-use std::fmt;
 use std::sync::Arc;
 
 /// Takes states apart into the modes of their chain.
@@ -40,16 +39,6 @@ enum Kind {
     Free,
     /// A ring: cosines and sines.
     Ring,
-}
-
-impl fmt::Debug for Modal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let kind = match &self.parts {
-            Parts::Matrix(_) => None,
-            Parts::Waves { kind, .. } => Some(kind),
-        };
-        f.debug_struct("Modal").field("modes", &self.omega_rad_s.len()).field("waves", &kind).finish()
-    }
 }
 
 impl Modal {

@@ -1,9 +1,10 @@
 //! The peaks of a force over time.
 
 use schemas::manifest::Physics;
+use serde::Serialize;
 
 /// A peak of a force.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Peak {
     /// Time of its highest force (s), by a parabola through the three samples around.
     pub time_s: f64,
@@ -69,11 +70,6 @@ impl Peaks {
             open: Vec::new(),
             found: Vec::new(),
         }
-    }
-
-    /// The threshold (N).
-    pub fn threshold_n(&self) -> f64 {
-        self.threshold_n
     }
 
     /// Looks at the next sample: a force above that at rest (N).
@@ -168,11 +164,8 @@ impl State {
 /// Leaves each second one of too many samples.
 fn thin(samples: &mut Vec<Sample>) {
     if samples.len() > Peaks::RISE {
-        let mut index = 0;
-        samples.retain(|_| {
-            index += 1;
-            index % 2 == 1
-        });
+        let mut stays = [true, false].into_iter().cycle();
+        samples.retain(|_| stays.next() == Some(true));
     }
 }
 

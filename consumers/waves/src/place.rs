@@ -1,18 +1,10 @@
 //! Places of a chain where a sensor may be, and what it reads there.
 
-use schemas::chain::{Chain, Wall};
+use schemas::chain::Chain;
+pub use schemas::drive::Side;
 use schemas::frame::Frame;
 use std::fmt;
 use std::str::FromStr;
-
-/// An end of the chain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// Before bead 0.
-    Left,
-    /// After the last bead.
-    Right,
-}
 
 /// A place of a chain: `bead:20`, `contact:7`, `wall:right`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +78,7 @@ impl Place {
             Self::Wall(_) if chain.is_ring => {
                 Err(PlaceError::Ring { place: self, closing: chain.contact_count() })
             }
-            Self::Wall(side) if !wall(chain, side).is_there => Err(PlaceError::Wall(self)),
+            Self::Wall(side) if !chain.wall(side as usize).is_there => Err(PlaceError::Wall(self)),
             _ => Ok(self),
         }
     }
@@ -102,8 +94,7 @@ impl fmt::Display for Place {
         match self {
             Self::Bead(bead) => write!(f, "bead:{bead}"),
             Self::Contact(contact) => write!(f, "contact:{contact}"),
-            Self::Wall(Side::Left) => f.write_str("wall:left"),
-            Self::Wall(Side::Right) => f.write_str("wall:right"),
+            Self::Wall(side) => write!(f, "wall:{side}"),
         }
     }
 }
@@ -162,105 +153,79 @@ impl Quantity {
     }
 }
 
-fn wall(chain: &Chain, side: Side) -> &Wall {
-    match side {
-        Side::Left => &chain.walls.left,
-        Side::Right => &chain.walls.right,
-    }
-}
-
-/// Reads frames of one chain as sensors at its places do.
-#[derive(Debug, Clone)]
-pub struct Sensors {
-    chain: Chain,
-}
-
-impl Sensors {
-    /// Makes them for the frames of `chain`.
-    pub fn new(chain: Chain) -> Self {
-        Self { chain }
-    }
-
-    /// The value of `quantity` at `place`, which [exists](Place::check).
-    pub fn value(&self, frame: &Frame<'_>, place: Place, quantity: Quantity) -> f64 {
-        match (quantity, place) {
-            (Quantity::Velocity, Place::Bead(bead)) => frame.v_m_s[bead],
-            (Quantity::Displacement, Place::Bead(bead)) => frame.u_m[bead],
-            (Quantity::Velocity, _) => self.touch(frame, place).1,
-            (Quantity::Displacement, _) => self.touch(frame, place).0,
-            (Quantity::Force, _) => self.force_n(frame, place),
+/// The values that a sensor there reads. The place [exists](Place::check) in the chain.
+impl Place {
+    /// The value of `quantity`.
+    pub fn value(self, chain: &Chain, frame: &Frame<'_>, quantity: Quantity) -> f64 {
+        match (quantity, self) {
+            (Quantity::Velocity, Self::Bead(bead)) => frame.v_m_s[bead],
+            (Quantity::Displacement, Self::Bead(bead)) => frame.u_m[bead],
+            (Quantity::Velocity, _) => self.touch(chain, frame).1,
+            (Quantity::Displacement, _) => self.touch(chain, frame).0,
+            (Quantity::Force, _) => self.force_n(chain, frame),
         }
     }
 
     /// The overlap (m) at a contact or a wall; none at a bead.
-    pub fn overlap_m(&self, frame: &Frame<'_>, place: Place) -> Option<f64> {
-        (!matches!(place, Place::Bead(_))).then(|| self.touch(frame, place).0)
+    pub fn overlap_m(self, chain: &Chain, frame: &Frame<'_>) -> Option<f64> {
+        (!matches!(self, Self::Bead(_))).then(|| self.touch(chain, frame).0)
     }
 
-    /// The force (N) at `place`: of a contact with its damping, at a bead the mean of the forces on its two sides, of
-    /// which a free one has none.
-    pub fn force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
-        let Place::Bead(bead) = place else { return self.contact_force_n(frame, place) };
-        let sides = self.sides(bead);
-        0.5 * (self.contact_force_n(frame, sides[0]) + self.contact_force_n(frame, sides[1]))
-    }
-
-    /// The force (N) at `place` when the chain is at rest.
-    pub fn rest_force_n(&self, place: Place) -> f64 {
-        match place {
-            Place::Bead(bead) => {
-                let [left, right] = self.sides(bead);
-                0.5 * (self.rest_force_n(left) + self.rest_force_n(right))
+    /// The force (N): of a contact with its damping, at a bead the mean of the forces on its two sides, of which a free
+    /// one has none.
+    pub fn force_n(self, chain: &Chain, frame: &Frame<'_>) -> f64 {
+        let (state, time_s) = (frame.state(), frame.time_s);
+        match self {
+            Self::Bead(bead) => {
+                let [left, right] = sides(chain, bead);
+                0.5 * (left.force_n(chain, frame) + right.force_n(chain, frame))
             }
-            Place::Contact(contact) => self.chain.rest_n(contact),
-            Place::Wall(side) => wall(&self.chain, side).rest_force_n,
+            Self::Contact(contact) => chain.whole_force_n(state, time_s, contact),
+            Self::Wall(side) => chain.whole_wall_forces_n(state, time_s)[side as usize],
         }
     }
 
-    fn sides(&self, bead: usize) -> [Place; 2] {
-        [
-            bead.checked_sub(1).map_or(Place::Wall(Side::Left), Place::Contact),
-            if bead < self.chain.all_contact_count() {
-                Place::Contact(bead)
-            } else {
-                Place::Wall(Side::Right)
-            },
-        ]
+    /// The force (N) when the chain is at rest.
+    pub fn rest_force_n(self, chain: &Chain) -> f64 {
+        match self {
+            Self::Bead(bead) => {
+                let [left, right] = sides(chain, bead);
+                0.5 * (left.rest_force_n(chain) + right.rest_force_n(chain))
+            }
+            Self::Contact(contact) => chain.rest_n(contact),
+            Self::Wall(side) => chain.wall(side as usize).rest_force_n,
+        }
     }
 
     /// The overlap (m) of a contact or a wall, and the rate at which it grows (m/s).
-    fn touch(&self, frame: &Frame<'_>, place: Place) -> (f64, f64) {
+    fn touch(self, chain: &Chain, frame: &Frame<'_>) -> (f64, f64) {
         let (u, v) = (frame.u_m, frame.v_m_s);
-        match place {
-            Place::Contact(contact) | Place::Bead(contact) => {
-                (self.chain.overlap_m(u, contact), self.chain.across(v, contact))
+        match self {
+            Self::Contact(contact) | Self::Bead(contact) => {
+                (chain.overlap_m(u, contact), chain.across(v, contact))
             }
-            Place::Wall(side) => {
-                let side = usize::from(side == Side::Right);
-                let approach_m = self.chain.wall_approaches_m(u, frame.extra)[side];
-                let rate_m_s = self.chain.wall_approach_rates_m_s(v, frame.time_s)[side];
-                (self.chain.wall(side).overlap_m(approach_m), rate_m_s)
+            Self::Wall(side) => {
+                let approach_m = chain.wall_approaches_m(u, frame.extra)[side as usize];
+                let rate_m_s = chain.wall_approach_rates_m_s(v, frame.time_s)[side as usize];
+                (chain.wall(side as usize).overlap_m(approach_m), rate_m_s)
             }
         }
     }
+}
 
-    fn contact_force_n(&self, frame: &Frame<'_>, place: Place) -> f64 {
-        let (state, time_s) = (frame.state(), frame.time_s);
-        match place {
-            Place::Contact(contact) | Place::Bead(contact) => {
-                self.chain.whole_force_n(state, time_s, contact)
-            }
-            Place::Wall(side) => {
-                self.chain.whole_wall_forces_n(state, time_s)[usize::from(side == Side::Right)]
-            }
-        }
-    }
+/// The contacts on both sides of a bead.
+fn sides(chain: &Chain, bead: usize) -> [Place; 2] {
+    let has_next = bead < chain.all_contact_count();
+    [
+        bead.checked_sub(1).map_or(Place::Wall(Side::Left), Place::Contact),
+        if has_next { Place::Contact(bead) } else { Place::Wall(Side::Right) },
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use schemas::chain::Walls;
+    use schemas::chain::{Wall, Walls};
     use schemas::contact::ContactLaw;
 
     /// k = 4, α = 1 between walls: overlaps −0.5 (left wall, open), 1 and 0.25 (contacts), −0.75 (right wall, open).
@@ -270,17 +235,16 @@ mod tests {
         let end = Wall::new(&law, 4.0, 0.0);
         let walls = Walls { left: end, right: end };
         let chain = Chain::new(vec![1.0; 3], vec![4.0; 2], vec![0.0; 2], walls, law);
-        let sensors = Sensors::new(chain.clone());
         let (u_m, v_m_s) = ([0.5, -0.5, -0.75], [1.0, 0.0, 3.0]);
         let frame =
             Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
-        let force = |place| sensors.force_n(&frame, place);
+        let force = |place: Place| place.force_n(&chain, &frame);
         assert_eq!(force(Place::Contact(0)), 4.0);
         assert_eq!(force(Place::Bead(1)), 2.5);
         assert_eq!(force(Place::Bead(0)), 2.0); // the left wall is open: bead 0 has moved away from it
         assert_eq!(force(Place::Wall(Side::Right)), 0.0);
-        assert_eq!(sensors.value(&frame, Place::Contact(1), Quantity::Velocity), -3.0);
-        assert_eq!(sensors.value(&frame, Place::Wall(Side::Left), Quantity::Displacement), -0.5);
+        assert_eq!(Place::Contact(1).value(&chain, &frame, Quantity::Velocity), -3.0);
+        assert_eq!(Place::Wall(Side::Left).value(&chain, &frame, Quantity::Displacement), -0.5);
         assert!(Place::Bead(3).check(&chain).is_err() && Place::Wall(Side::Left).check(&chain).is_ok());
     }
 
@@ -297,11 +261,10 @@ mod tests {
             let refused = Place::Wall(side).check(&ring).expect_err("no wall").to_string();
             assert!(refused.contains("no walls; allowed: contact:2"), "{refused}");
         }
-        let sensors = Sensors::new(ring);
-        let read = |[u_m, v_m_s]: [[f64; 3]; 2], place, quantity| {
+        let read = |[u_m, v_m_s]: [[f64; 3]; 2], place: Place, quantity| {
             let frame =
                 Frame { frame: 0, step: 0, time_s: 0.0, u_m: &u_m, v_m_s: &v_m_s, extra: &[], active: None };
-            sensors.value(&frame, place, quantity)
+            place.value(&ring, &frame, quantity)
         };
         let state = [[0.5, -0.5, 0.375], [1.0, 0.0, 3.0]];
         let turned = state.map(|[a, b, c]| [c, a, b]);

@@ -54,14 +54,9 @@ impl Spectrogram {
         self.waits = true;
     }
 
-    /// Samples in a segment.
-    pub fn segment_length(&self) -> usize {
-        self.segments.length()
-    }
-
-    /// Segments so far.
-    pub fn segment_count(&self) -> u64 {
-        self.segments.count()
+    /// The segments so far.
+    pub fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// Samples that a column covers.
@@ -74,7 +69,7 @@ impl Spectrogram {
         0.5 * (self.segments.length() as f64 - self.segments.hop() as f64)
     }
 
-    /// The one-sided density (unit squared per Hz) of each column, `segment_length/2 + 1` lines; none where no segment is.
+    /// The one-sided density (unit squared per Hz) of each column, one line more than half of a segment; none where no segment is.
     pub fn columns(&self, rate_hz: f64) -> impl Iterator<Item = Option<Vec<f64>>> {
         let scale = 1.0 / (rate_hz * self.segments.window_power());
         self.columns.iter().map(move |Column { power, count }| {

@@ -60,14 +60,9 @@ impl WaveMap {
         self.segments.restart();
     }
 
-    /// Segments so far.
-    pub fn segment_count(&self) -> u64 {
-        self.segments.count()
-    }
-
-    /// Samples in a segment.
-    pub fn segment_length(&self) -> usize {
-        self.segments.length()
+    /// The segments so far.
+    pub fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// The density (unit squared per Hz and rad/bead) with one row for each frequency from 0 on and a value for each of

@@ -91,14 +91,9 @@ impl Welch {
         self.segments.restart();
     }
 
-    /// Segments so far.
-    pub fn segment_count(&self) -> u64 {
-        self.segments.count()
-    }
-
-    /// Samples in a segment.
-    pub fn segment_length(&self) -> usize {
-        self.segments.length()
+    /// The segments so far.
+    pub fn segments(&self) -> &Segments {
+        &self.segments
     }
 
     /// The frequencies (Hz) for samples at `rate_hz`.
@@ -155,7 +150,7 @@ mod tests {
         for sample in &samples {
             welch.push([3.0 + sample]);
         }
-        assert_eq!(welch.segment_count(), 7);
+        assert_eq!(welch.segments().count(), 7);
         let integral: f64 = welch.density(0, rate_hz).iter().sum::<f64>() * rate_hz / length as f64;
         let window = hann(length);
         let power: f64 = window.iter().map(|w| w * w).sum();
@@ -220,6 +215,6 @@ mod tests {
             }
             welch.restart();
         }
-        assert_eq!(welch.segment_count(), 0);
+        assert_eq!(welch.segments().count(), 0);
     }
 }

@@ -59,7 +59,6 @@ struct Part {
 }
 
 /// Takes the frames of origins.
-#[derive(Debug)]
 pub(super) struct Engine {
     beads: usize,
     is_ring: bool,

@@ -84,7 +84,7 @@ fn shown_hz(largest: &[f64], step_hz: f64, band_hz: f64) -> f64 {
 impl Found {
     /// Turns sums into densities. Waves travel up to `band_hz`.
     pub(super) fn new(asked: &Asked, engine: Engine, samples: &Samples, band_hz: f64) -> Self {
-        let (segment_length, segment_count) = (engine.segment_length(), engine.segment_count());
+        let (segment_length, segment_count) = (engine.segments().length(), engine.segments().count());
         let rate_hz = samples.rate_hz;
         let step_hz = rate_hz / segment_length as f64;
         // largest density of each line, over places or times
@@ -97,6 +97,7 @@ impl Found {
             }
             largest
         };
+        let highest = |values: &[f64]| values.iter().fold(0.0_f64, |high, value| high.max(*value));
         let shown = |largest: &[f64]| asked.max_hz.unwrap_or_else(|| shown_hz(largest, step_hz, band_hz));
         let (largest, top_hz, results) = match engine {
             Engine::Spectra(welch) => {
@@ -122,8 +123,7 @@ impl Found {
             }
             Engine::Map(map) => {
                 let density = map.density(rate_hz);
-                let highest = |row: &Vec<f64>| row.iter().fold(0.0_f64, |high, value| high.max(*value));
-                let largest: Vec<f64> = density.iter().map(highest).collect();
+                let largest: Vec<f64> = density.iter().map(|row| highest(row)).collect();
                 let top_hz = shown(&largest);
                 let q = map.wavenumbers_rad();
                 let half = PI / q.len() as f64;
@@ -133,7 +133,6 @@ impl Found {
                 (largest, top_hz, Results::Grid(grid))
             }
         };
-        let highest = |values: &[f64]| values.iter().fold(0.0_f64, |high, value| high.max(*value));
         let at_the_end = highest(&largest[largest.len() - largest.len() / 10..]) / highest(&largest[1..]);
         Self { at_the_end, top_hz, segment_length, segment_count, results }
     }
@@ -150,7 +149,6 @@ impl Found {
 
     /// Writes the table.
     pub(super) fn write(&self, out: &mut dyn Outlet) {
-        let optional = |value: Option<f64>| value.map_or(Cell::Empty, Cell::Double);
         match &self.results {
             Results::Spectra { frequencies_hz, densities, transmissions } => {
                 for (line, frequency_hz) in frequencies_hz.iter().enumerate() {
@@ -159,7 +157,7 @@ impl Found {
                     for Transmission { gain, phase_rad, coherence, .. } in transmissions {
                         let coherence = Some(coherence[line]).filter(|_| self.has_coherence());
                         for value in [Some(gain[line]), Some(phase_rad[line]), coherence] {
-                            cells.push(optional(value.filter(|value| value.is_finite())));
+                            cells.push(value.filter(|value| value.is_finite()).into());
                         }
                     }
                     out.line(0, &cells);
@@ -168,7 +166,7 @@ impl Found {
             Results::Grid(grid) => {
                 let cells = grid.frequency_hz.iter().flat_map(|f| grid.x.iter().map(move |x| (*f, *x)));
                 for ((frequency_hz, x), value) in cells.zip(&grid.values) {
-                    out.line(0, &[Cell::Double(frequency_hz), Cell::Double(x), optional(*value)]);
+                    out.line(0, &[Cell::Double(frequency_hz), Cell::Double(x), (*value).into()]);
                 }
             }
         }

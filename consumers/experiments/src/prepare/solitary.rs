@@ -1,6 +1,6 @@
 //! Exact solitary waves as displacements and velocities at step 0.
 
-use super::states::physics_of;
+use super::states::{State, physics_of};
 use super::{add, refused};
 use consumers::deformation::Plain;
 use consumers::theory::{SolitaryWave, Strength, WaveScale};
@@ -16,9 +16,6 @@ const CUT: f64 = 1e-6;
 
 /// No exact wave is as wide as this (beads).
 const MOST_APART: i32 = 10_000;
-
-/// Displacements (m) and velocities (m/s) of a wave.
-type State = (Vec<f64>, Vec<f64>);
 
 /// The lists of `config` with the exact waves that it asks for.
 ///

@@ -17,7 +17,7 @@ use waves::modes::Modes;
 const PHASES: u32 = u32::MAX - 1;
 
 /// Displacements (m) and velocities (m/s).
-type State = (Vec<f64>, Vec<f64>);
+pub(super) type State = (Vec<f64>, Vec<f64>);
 
 /// The run of `config`, whatever it begins with.
 pub(super) fn physics_of(config: &RunConfig) -> Result<Physics, ConfigError> {
