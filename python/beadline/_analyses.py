@@ -362,7 +362,7 @@ class Analyses:
         Columns in each frame: ``exponent_NUMBER_per_s`` (exponent of that number, from 1 on).
 
         Args:
-            exponents: Number of exponents, the largest ones, or `all`; by default 1.
+            exponents: Number of exponents, roughly from the largest on, or `all`; by default 1.
             interval_steps: Steps after which changes are made orthogonal again; by default 100.
             from_s, until_s: The first and the last simulated time (s) that is looked at.
             every_step: Also steps between recorded states, which are recomputed.

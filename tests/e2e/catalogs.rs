@@ -62,6 +62,7 @@ fn a_catalog_has_a_row_for_each_recording() {
 #[test]
 fn an_odd_sphere_is_an_impurity() {
     let place = Place::new();
+    fs::create_dir(place.path("runs")).unwrap();
     place.write(
         "runs/odd.toml",
         "[chain]\nbeads = 9\nspheres = { material = \"steel\", radius_m = 5e-3 }\n\

@@ -58,6 +58,27 @@ fn a_spectrum_comes_in_pairs() {
     assert!(found["errors_per_s"][0].as_f64().unwrap() > 0.0);
 }
 
+/// Volumes shrink at the friction of a bath, whatever the chain is; changes that fell below rounding beside others have no number.
+#[test]
+fn exponents_that_rounding_takes_are_left_out() {
+    let place = Place::new();
+    place.write(
+        "bath.toml",
+        "[chain]\nbeads = 4\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[ends]\nleft = \"fixed\"\nright = \"fixed\"\n\
+         [[bath]]\nbeads = \"..2\"\ntemperature_j = 0.1\nfriction_per_s = 5.0\n[time]\nduration_s = 150\ndt_s = 0.0999\n",
+    );
+    place.run("run bath.toml --name bath").exits(0);
+    let lost = place.run("lyapunov bath.mcap --exponents all --json").exits(0);
+    assert!(lost.stderr().contains("on are lost in rounding"), "{}", lost.stderr());
+    let lost = lost.json()["results"].clone();
+    assert!(lost["exponents_per_s"][0].is_f64() && lost["exponents_per_s"][7].is_null(), "{lost}");
+    assert!(lost["entropy_per_s"].is_null() && lost["pairing_per_s"].is_null(), "{lost}");
+    let found = place.run("lyapunov bath.mcap --exponents all --interval-steps 10 --json").exits(0);
+    let found = found.json()["results"].clone();
+    let sum: f64 = found["exponents_per_s"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).sum();
+    assert!((sum + 10.0).abs() < 1e-6 && found["pairing_per_s"].is_null(), "{found}");
+}
+
 #[test]
 fn what_has_no_exponents_is_refused_with_the_reason() {
     let place = Place::new();

@@ -410,6 +410,10 @@ fn steps_that_become_too_long_end_a_branch_and_leave_points_of_a_map_out() {
     let found = ended.json();
     assert!(found["end"] == "lost" && found["orbits"].as_u64() > Some(2), "{found}");
     place.run("verify branch/last.mcap").exits(0);
+    // no distance is a part of the size of a seed at rest
+    place.write("rest.toml", &chain.replace("0.5 }", "0.05 }").replace("[orbit]", "[orbit]\nsteps = 200"));
+    let residuals = place.run("orbit rest.toml --out rest --json").exits(0).json()["residuals"].clone();
+    assert!(residuals[0].is_null() && residuals[1].is_f64(), "{residuals}");
     place.write("slow.toml", &chain.replace("0.5 }", "0.005 }").replace("[orbit]", "[orbit]\nsteps = 100"));
     let refused = place.run("orbit slow.toml --out slow").exits(2);
     assert!(refused.stderr().contains("orbit.steps: found 100, of 2.00000 s"), "{}", refused.stderr());

@@ -163,7 +163,7 @@ fn the_front_of_a_pattern_of_beads_is_one_pulse() {
     check_fronts(&[
         ("decorated", "{ pattern_kg = [1e-3, 0.1e-3] }", 0.02, "", 195, Some(1)),
         ("solitary", "{ pattern_kg = [1e-3, 0.3428e-3] }", 0.02, "", 190, Some(1)),
-        ("two-to-one", "{ pattern_kg = [2e-3, 1e-3] }", 0.02, "", 125, Some(3)),
+        ("two-to-one", "{ pattern_kg = [2e-3, 1e-3] }", 0.02, "", 125, Some(4)),
         // at bead 129 a wave behind it, which weakens less, has caught up with the front
         ("less", "{ pattern_kg = [1e-3, 0.6e-3] }", 0.015, "", 115, Some(2)),
         ("heavy", "{ pattern_kg = [4.369e-3, 1e-3] }", 0.035, "", 180, Some(1)),
@@ -465,9 +465,8 @@ fn several_exponents_and_a_load_make_no_slow_pulses() {
         });
     assert!(one.len() > 50 && one.len() == two.len(), "{} {}", one.len(), two.len());
     for pulse in one.iter().chain(&two) {
-        let value = |name: &str| pulse[name].as_f64().unwrap();
-        let beads = (value("end_bead") - value("birth_bead")).abs();
-        assert!(beads / (value("end_time_s") - value("birth_time_s")) > 12_247.0 / 3.0, "{pulse}");
+        let lasted = |name: &str| pulse["end"][name].as_f64().unwrap() - pulse["birth"][name].as_f64().unwrap();
+        assert!(lasted("bead").abs() / lasted("time_s") > 12_247.0 / 3.0, "{pulse}");
     }
 }
 

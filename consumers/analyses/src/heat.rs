@@ -33,8 +33,8 @@ pub static OFFER: Offer = Offer {
         takes momentum (free ends or a ring, without drives, springs at sites, drag, or baths but those of pairs) velocities are those about the centre of mass, and <m·v²> is divided by 1 − m/M, \
         with the mass M of the chain. Beads that a drive moves have no temperature. The conductivity is κ = J·N/ΔT between \
         two baths, with the N beads from the one to the other, per lattice unit. Averages are over all frames that are looked at, so leave out the beginning (--from). Standard \
-        errors are from the scatter of 32 to 63 blocks of frames; they hold if a block is longer than the memory of the current, which is shown. The temperature remembers longer: between two \
-        baths its error may be a quarter too small, and runs with other seeds tell. \
+        errors are from the scatter of 32 to 63 blocks of frames, or of longer ones, down to two, where these tell significantly larger ones. They hold if the memory of a quantity is shorter than a block of \
+        these 32. A notice says where an error still grows with the length of the blocks: the run is too short, and runs with other seeds tell. \
         Baths of different temperatures in a ring, or more than two of them, drive no one current along the chain, nor is there one with damping or drag, \
         or where drives act on beads on its way: --profile has that of each contact.\n\n\
         In equilibrium, without drives, damping, drag, or baths but those of one temperature above 0, the fluctuations of the current give a conductivity, too (Green and Kubo): κ(τ) = ∫_0^τ <J(0)·J(t)> dt/(n·T²), with J the \
@@ -69,7 +69,7 @@ pub static OFFER: Offer = Offer {
         Meaning::number("current_error_w", "its standard error"),
         Meaning::number(
             "memory_s",
-            "time in which the current forgets itself: the integral of its autocorrelation",
+            "time in which the current forgets itself, if the run is long enough to tell: the integral of its autocorrelation",
         ),
         Meaning::number("temperature_j", "temperature of the chain"),
         Meaning::number("temperature_error_j", "its standard error"),
@@ -257,11 +257,12 @@ impl Heat {
         ]
     }
 
-    /// The memory of the current (s).
+    /// The memory of the current (s); NaN where it is too long to be told.
     fn memory_s(&self) -> f64 {
         let [first_s, last_s] = self.times_s.unwrap_or_default();
         let steps = self.rows.frames().saturating_sub(1) as f64;
-        self.found()[0].memory_frames * (last_s - first_s) / steps
+        let memory_s = self.found()[0].memory_frames * (last_s - first_s) / steps;
+        if memory_s.is_finite() { memory_s } else { f64::NAN }
     }
 
     fn temperature(&self, bead: usize) -> Estimate {
@@ -365,6 +366,14 @@ impl Analysis for Heat {
                  all of them one temperature above 0"
                     .to_owned(),
             );
+        }
+        for (name, found) in [("current", current), ("temperature", temperature)] {
+            if found.memory_frames.is_infinite() {
+                report.notices.push(format!(
+                    "the run is too short for the memory of the {name}: its error still grows with the length of the blocks and may be several times \
+                     too small; run longer, or leave out the beginning (--from)"
+                ));
+            }
         }
         if temperature.error.is_nan() {
             report
@@ -625,6 +634,19 @@ mod tests {
             assert_eq!(says("equilibrium"), !has_fluctuations, "{:?}", told.notices);
             assert!(is_told("temperature_j") && !says("too few frames"), "{:?}", told.notices);
         }
+    }
+
+    /// A chain that warms up for longer than it is looked at has not forgotten its beginning: this is told, and has no number.
+    #[test]
+    fn a_run_that_is_too_short_says_so() {
+        let manifest = manifest(
+            "[chain]\nbeads = 4\nbead_mass_kg = 1.0\nbonds = { linear = 1.0 }\n[ends]\nleft = \"fixed\"\n\
+             [[bath]]\ntemperature_j = 1.0\nfriction_per_s = 0.005\n[time]\nduration_s = 200\ndt_s = 0.1\n",
+        );
+        let mut heat = of_run(&manifest, &Settings::default(), |_| true);
+        assert!(heat.rows.estimate(1).memory_frames.is_infinite(), "{:?}", heat.rows.estimate(1));
+        let notices = heat.report().unwrap().notices;
+        assert!(notices.iter().any(|notice| notice.contains("memory of the temperature")), "{notices:?}");
     }
 
     /// Beads outside of both baths have no current, and do not count.

@@ -4,10 +4,9 @@ use consumers::analysis::{
     Analysis, Beginning, Meaning, Needs, Number, Offer, Outlet, Refusal, Report, Setting, Takes,
     frame_columns,
 };
-use consumers::blocks::{Blocks, FEWEST};
+use consumers::blocks::Blocks;
 use consumers::series::Series;
 use consumers::space_time::{Extent, Picture, singles};
-use consumers::statistics::Statistics;
 use consumers::table::Column;
 use consumers::uncertain::Uncertain;
 use figure::{Axis, Figure, FigureError, Panel};
@@ -31,14 +30,15 @@ pub static OFFER: Offer = Offer {
         beadline lyapunov run.mcap --exponents all           the whole spectrum, in pairs\n\n\
         Changes of a state are carried through the very operations of the steps, which are computed again beside the frames: exponents \
         do not depend on which frames there are. They are means since the first frame, ln of the growth over the time, with |w|² = Σ \
-        m·((δu/T)² + δv²) and the collision time T of the run. Errors are from the scatter of parts of the run, 64 to 8 \
-        of them, whichever gives the largest. Where growth remembers longer than such a part they are too small, and runs with other seeds tell. Methods: all but gear5. Exponents pair as λ and −λ where nothing is damped. Where contacts open, a power between 1 and 2 \
+        m·((δu/T)² + δv²) and the collision time T of the run. Errors are from the scatter of parts of the run, 32 to 63 \
+        of them, or of longer ones, down to two, where these scatter more. Where growth remembers as long as the run they are too small, and runs with other seeds tell. Methods: all but gear5. \
+        Exponents are in the order in which changes are made orthogonal, roughly from the largest on. They pair as λ and −λ where nothing is damped. Where contacts open, a power between 1 and 2 \
         has no slope on both sides: the growth errs by dt^1.5 at each opening.",
     settings: &[
         Setting::new(
             "exponents",
             Takes::Text("K", |text| wanted(text).map(drop)),
-            "Number of exponents, the largest ones, or `all` [default: 1]",
+            "Number of exponents, roughly from the largest on, or `all` [default: 1]",
         ),
         Setting::new(
             "interval-steps",
@@ -53,7 +53,7 @@ pub static OFFER: Offer = Offer {
         Meaning::number("entropy_per_s", "sum of the exponents above zero, of those that were computed"),
         Meaning::number(
             "pairing_per_s",
-            "largest sum of an exponent and its partner, without its sign, if all were computed",
+            "largest sum of an exponent and its partner, without its sign, if all were computed and nothing is damped",
         ),
         Meaning::number("gali_2", "volume of two changes of length 1: it falls exponentially in chaos"),
         Meaning::number("gali_4", "the same of four changes"),
@@ -70,6 +70,8 @@ const INTERVAL_STEPS: u64 = 100;
 const TOGETHER: u64 = 12;
 /// Most steps between frames; of recordings with fewer frames those between are made again first.
 const MOST_STEPS: u64 = 10_000;
+/// Part of a change that has to be left beside those before it: 1e-4 of what is left is rounding.
+const LEFT: f64 = 1e-12;
 /// Most curves of a figure.
 const MOST_CURVES: usize = 8;
 
@@ -165,21 +167,10 @@ impl Growth {
         self.sums.iter().map(|sum| sum / (self.intervals() as f64 * interval_s)).collect()
     }
 
-    /// The largest of the errors (1/s) of the mean of parts that are complete, and of longer ones: pairs of them, and of these, as long as there
-    /// are enough.
-    ///
-    /// # Source
-    /// H. Flyvbjerg and H. G. Petersen, J. Chem. Phys. 91 (1989) 461, DOI 10.1063/1.457480.
+    /// The error (1/s) of an exponent, if there are enough parts.
     fn error_per_s(&self, number: usize, interval_s: f64) -> Option<f64> {
-        let per_s = 1.0 / interval_s;
-        let mut means: Vec<f64> = self.parts.means().map(|part| part[number] * per_s).collect();
-        let mut largest = None;
-        while means.len() >= FEWEST {
-            let error = Statistics::of(means.iter().copied()).and_then(|found| found.standard_error);
-            largest = if error > largest { error } else { largest };
-            means = means.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
-        }
-        largest
+        let error = self.parts.estimate(number).error / interval_s;
+        (!error.is_nan()).then_some(error)
     }
 }
 
@@ -263,9 +254,16 @@ impl Lyapunov {
                 let shares = shares(&tangents.tangent(0), &self.weights, state.u_m.len());
                 drawn.map.push(state.step, singles(shares));
             }
-            let parts = tangents.orthonormalise(&self.weights);
+            let mut parts = tangents.orthonormalise(&self.weights);
+            let is_left = |parts: &Vec<f64>| {
+                let whole = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+                parts.last().is_some_and(|norm| *norm > LEFT * whole)
+            };
+            let left = parts.iter().take_while(|parts| is_left(parts)).count();
+            parts[left..].iter_mut().flatten().for_each(|part| *part = f64::NAN);
+            let norms = parts.iter().filter_map(|parts| parts.last());
             let logarithms: Vec<f64> =
-                parts.iter().filter_map(|parts| parts.last()).map(|norm| ln(*norm)).collect();
+                norms.map(|norm| if norm.is_nan() { *norm } else { ln(*norm) }).collect();
             self.growth.add(&logarithms);
             self.alignment.add(&parts);
             self.draw(state.step);
@@ -285,16 +283,24 @@ impl Lyapunov {
         }
     }
 
-    /// The sum of the exponents (1/s) above zero.
+    /// The sum of the exponents (1/s) above zero; NaN if one is lost.
     fn entropy_per_s(&self) -> f64 {
-        self.exponents_per_s().iter().fold(0.0, |sum, exponent| sum + exponent.max(0.0))
+        let exponents = self.exponents_per_s();
+        exponents.iter().fold(0.0, |sum, exponent| sum + if *exponent < 0.0 { 0.0 } else { *exponent })
     }
 
     /// The largest sum (1/s) of an exponent and its partner.
     fn pairing_per_s(&self) -> Option<f64> {
         let exponents = self.exponents_per_s();
         let pairs = exponents.iter().zip(exponents.iter().rev()).map(|(one, other)| (one + other).abs());
-        self.has_all.then(|| pairs.fold(0.0, f64::max))
+        let physics = &self.manifest.physics;
+        let is_conserved = physics.is_without_loss() && physics.baths.is_empty();
+        (self.has_all && is_conserved && self.lost().is_none()).then(|| pairs.fold(0.0, f64::max))
+    }
+
+    /// The first exponent, from 0 on, that is lost in rounding.
+    fn lost(&self) -> Option<usize> {
+        self.exponents_per_s().iter().position(|exponent| exponent.is_nan())
     }
 }
 
@@ -328,11 +334,19 @@ impl Analysis for Lyapunov {
             report.notices.push(why.to_owned());
         }
         let (interval_s, exponents) = (self.interval_s(), self.exponents_per_s());
+        let lost = self.lost().unwrap_or(self.count);
+        if lost < self.count {
+            report.notices.push(format!(
+                "exponents from {} on are lost in rounding: choose a shorter --interval-steps",
+                lost + 1
+            ));
+        }
         let errors: Vec<_> =
             (0..self.count).map(|place| self.growth.error_per_s(place, interval_s)).collect();
         let over_s = self.growth.intervals() as f64 * interval_s;
         report.words.add("over", quantity(over_s, "s"));
-        for (place, (exponent, error)) in exponents.iter().zip(&errors).enumerate().take(MOST_CURVES) {
+        let kept = exponents.iter().zip(&errors).take(lost.min(MOST_CURVES));
+        for (place, (exponent, error)) in kept.enumerate() {
             let shown = match error {
                 Some(error) => format!("{} 1/s", Uncertain::new(*exponent, *error)),
                 None => format!("{} 1/s", number(*exponent)),
@@ -340,11 +354,13 @@ impl Analysis for Lyapunov {
             report.words.add(format!("exponent {}", place + 1), shown);
         }
         for told in Alignment::TOLD {
-            if let Some(volume) = self.alignment.of_first(told) {
+            if let Some(volume) = self.alignment.of_first(told).filter(|_| told <= lost) {
                 report.words.add(format!("GALI_{told}"), number(volume));
             }
         }
-        report.words.add("entropy", format_args!("{} 1/s", number(self.entropy_per_s())));
+        if lost == self.count {
+            report.words.add("entropy", format_args!("{} 1/s", number(self.entropy_per_s())));
+        }
         if let Some(pairing_per_s) = self.pairing_per_s() {
             report.words.add("pairs add up to", format_args!("{} 1/s", number(pairing_per_s)));
         }
@@ -443,5 +459,17 @@ mod tests {
         }
         let off = (squares / f64::from(seeds)).sqrt();
         assert!((1.0..1.35).contains(&off), "{off}");
+    }
+
+    /// Changes that grow as the time, as those of a free chain that is pushed, have the exponent 0 within some errors.
+    #[test]
+    fn growth_by_a_power_of_the_time_is_no_chaos() {
+        for (length, intervals) in [(20.0, 33), (50.0, 63), (100.0, 600), (1000.0, 4_000)] {
+            let mut growth = Growth::of(1);
+            let grown = |interval: u32| ln(1.0 + length * f64::from(interval) / f64::from(intervals));
+            (0..intervals).for_each(|interval| growth.add(&[grown(interval + 1) - grown(interval)]));
+            let (exponent, error) = (growth.exponents_per_s(1.0)[0], growth.error_per_s(0, 1.0).unwrap());
+            assert!(exponent < 2.6 * error, "{length}: {exponent} {error}");
+        }
     }
 }

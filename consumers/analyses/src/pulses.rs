@@ -498,7 +498,8 @@ mod tests {
 
     /// The analysis of every step of a chain of equal spheres.
     fn observed(beads: u64, rest: &str) -> PulseAnalysis {
-        let toml = format!("[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}");
+        let toml =
+            format!("[chain]\nbeads = {beads}\nbead_mass_kg = 1e-3\nalpha = 1.5\nstiffness = 1e7\n{rest}");
         let origin = Origin { program: "test".into(), host: "here".into(), started_unix_ns: 1 };
         let manifest = RunManifest::new(&RunConfig::from_toml(&toml).unwrap(), "run", origin).unwrap();
         let settings = Settings::default();

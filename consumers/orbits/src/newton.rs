@@ -304,7 +304,7 @@ impl Newton<'_> {
         let starts = unknown.points.iter().skip(1).chain([&last]);
         let gap = |(end, start): (&Vec<f64>, &Vec<f64>)| end.iter().zip(start).map(|(a, b)| a - b).collect();
         let gaps: Vec<Vec<f64>> = ends.iter().zip(starts).map(gap).collect();
-        let size = unknown.points.iter().map(|point| norm(point)).fold(f64::MIN_POSITIVE, f64::max);
+        let size = unknown.points.iter().map(|point| norm(point)).fold(f64::from_bits(1), f64::max);
         let largest = gaps.iter().map(|gap| norm(gap) / size).fold(0.0, larger);
         (gaps, further.iter().map(|value| value.abs()).fold(largest, larger))
     }

@@ -72,8 +72,9 @@ impl Run {
         let Ok([mass_kg, alpha, stiffness]) = self.config.chain.scales() else { return self };
         let coefficient = (2.0 / (alpha + 1.0)).powf(1.0 / (alpha + 1.0));
         let stiffness = (stiffness / mass_kg).powf(1.0 / (alpha + 1.0));
-        let speed =
-            coefficient * stiffness * (0.5 * self.config.striker.velocity_m_s).powf((alpha - 1.0) / (alpha + 1.0));
+        let speed = coefficient
+            * stiffness
+            * (0.5 * self.config.striker.velocity_m_s).powf((alpha - 1.0) / (alpha + 1.0));
         self.config.time.duration_s = bead as f64 / speed;
         self
     }

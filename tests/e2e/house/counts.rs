@@ -6,25 +6,25 @@ use std::path::Path;
 
 /// Lines of Rust without tests, comments and blanks that each crate may have.
 pub(super) const BUDGETS: [(&str, usize); 23] = [
-    ("the command", 14_855),
+    ("the command", 14_930),
     ("schemas", 9_510),
-    ("schemas/bus", 4_590),
-    ("schemas/recording", 6_760),
+    ("schemas/bus", 4_595),
+    ("schemas/recording", 6_860),
     ("schemas/storage", 2_215),
-    ("schemas/system", 160),
-    ("schemas/source", 150),
+    ("schemas/system", 150),
+    ("schemas/source", 130),
     ("schemas/recorder", 450),
-    ("producer", 9_030),
-    ("consumers", 6_610),
-    ("consumers/analyses", 4_655),
-    ("consumers/experiments", 1_755),
-    ("consumers/exports", 950),
-    ("consumers/figure", 3_145),
+    ("producer", 9_050),
+    ("consumers", 6_660),
+    ("consumers/analyses", 4_660),
+    ("consumers/experiments", 1_765),
+    ("consumers/exports", 945),
+    ("consumers/figure", 3_045),
     ("consumers/orbits", 3_145),
     ("consumers/paper", 4_650),
-    ("consumers/plots", 1_570),
-    ("consumers/screen", 700),
-    ("consumers/waves", 1_575),
+    ("consumers/plots", 1_535),
+    ("consumers/screen", 650),
+    ("consumers/waves", 1_535),
     ("page", 1_250),
     ("relay", 2_500),
     ("python", 2_290),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_300;
+const MOST_LINES: usize = 82_380;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);

@@ -3,12 +3,11 @@
 use crate::error::ReadError;
 use crate::head::{self, BeginRecord, EndRecord};
 use crate::proto::{CHAIN, OF_FRAMES};
-use crate::read::others::OtherRecords;
 use crate::read::parse::{MAX_STRUCTURE_BYTES, parse_record};
 use crate::read::records::check_crc;
 use mcap::records::{Metadata, Record, op};
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,6 +16,15 @@ pub(crate) const PRIVATE: u8 = 0x80;
 
 /// Most bytes that all schemas, channels and names of others' records of a file may take; ours take 3 kB.
 const MAX_DEFINITION_BYTES: usize = 16 << 20;
+
+/// The contents of a recording that are neither messages nor ours, as far as it was read.
+#[derive(Debug, Clone, Default)]
+pub struct OtherRecords {
+    /// Attachments, metadata and private records by their offsets, which can be copied.
+    pub whole: BTreeMap<u64, String>,
+    /// Contents that have no place in another file, or are damaged.
+    pub lost: BTreeSet<String>,
+}
 
 /// The contents of a file beside its messages, as far as it was read.
 #[derive(Debug, Default)]

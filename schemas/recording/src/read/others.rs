@@ -1,14 +1,15 @@
 //! Channels beside the frames of a run: results of analyses, messages of other programs.
 
 use crate::error::{ReadError, WriteError};
+use crate::read::contents::OtherRecords;
 use crate::read::messages::{MessageReader, RawMessage};
 use crate::read::records::{RawRecord, RecordReader};
 use crate::write::channel_writer::{ChannelId, ChannelWriter};
 use crate::write::writer::RecordingWriter;
 use crate::{log_time_ns, proto};
 use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The messages of a recording other than its chain, states and summaries, to be copied whole into another recording,
@@ -124,15 +125,6 @@ impl OtherChannels {
         }
         Ok(())
     }
-}
-
-/// The contents of a recording that are neither messages nor ours, as far as it was read.
-#[derive(Debug, Clone, Default)]
-pub struct OtherRecords {
-    /// Attachments, metadata and private records by their offsets, which can be copied.
-    pub whole: BTreeMap<u64, String>,
-    /// Contents that have no place in another file, or are damaged.
-    pub lost: BTreeSet<String>,
 }
 
 impl OtherRecords {
