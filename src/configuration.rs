@@ -150,7 +150,12 @@ fn apply(args: &Asked<'_>, config: &mut RunConfig) -> Vec<Replaced> {
     set(r, ("chain.beads", "--beads"), &mut config.chain.beads, overrides.beads);
     set(r, ("chain.alpha", "--alpha"), &mut config.chain.alpha, overrides.alpha.map(Some));
     set(r, ("chain.stiffness", "--stiffness"), &mut config.chain.stiffness, overrides.stiffness.map(Some));
-    set(r, ("chain.bead_mass_kg", "--bead-mass"), &mut config.chain.bead_mass_kg, overrides.bead_mass.map(Some));
+    set(
+        r,
+        ("chain.bead_mass_kg", "--bead-mass"),
+        &mut config.chain.bead_mass_kg,
+        overrides.bead_mass.map(Some),
+    );
     set(r, ("chain.impurities", "--impurity"), &mut config.chain.impurities, impurities);
     set(r, ("striker", "--striker"), &mut config.striker, striker);
     set(r, ("time.duration_s", "--duration"), &mut config.time.duration_s, overrides.duration);

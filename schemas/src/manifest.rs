@@ -609,7 +609,10 @@ mod tests {
         refuse(|c| c.chain.masses = MassRule::Taper(0.5), "chain.masses");
         refuse(|c| c.chain.masses = MassRule::Taper(0.0), "chain.masses.taper");
         refuse(|c| c.chain.stiffnesses = StiffnessRule::List(vec![1.0; 1000]), "chain.stiffnesses.list");
-        refuse(|c| (c.chain.alpha, c.chain.stiffnesses) = (Some(2.0), StiffnessRule::Radii), "chain.stiffnesses");
+        refuse(
+            |c| (c.chain.alpha, c.chain.stiffnesses) = (Some(2.0), StiffnessRule::Radii),
+            "chain.stiffnesses",
+        );
         refuse(
             |c| c.chain.contacts = vec![OddContact { contact: 999, stiffness: 1.0 }],
             "chain.contacts[0].contact",

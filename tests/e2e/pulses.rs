@@ -465,7 +465,8 @@ fn several_exponents_and_a_load_make_no_slow_pulses() {
         });
     assert!(one.len() > 50 && one.len() == two.len(), "{} {}", one.len(), two.len());
     for pulse in one.iter().chain(&two) {
-        let lasted = |name: &str| pulse["end"][name].as_f64().unwrap() - pulse["birth"][name].as_f64().unwrap();
+        let lasted =
+            |name: &str| pulse["end"][name].as_f64().unwrap() - pulse["birth"][name].as_f64().unwrap();
         assert!(lasted("bead").abs() / lasted("time_s") > 12_247.0 / 3.0, "{pulse}");
     }
 }

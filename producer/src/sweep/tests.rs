@@ -254,7 +254,10 @@ fn many_points_are_begun_at_once() {
     let sweep = read(&seeds(text)).expect("valid");
     assert_eq!(sweep.point_count(), MAX_POINTS);
     let last = sweep.point(MAX_POINTS - 1).expect("possible");
-    assert_eq!((last.config.seed, last.config.chain.alpha, last.config.time.dt_s), (2504, Some(2.0), Some(1e-7)));
+    assert_eq!(
+        (last.config.seed, last.config.chain.alpha, last.config.time.dt_s),
+        (2504, Some(2.0), Some(1e-7))
+    );
     refuses(&seeds(&text.replace("2.0]", "0.5]")), 7, &["chain.alpha", "0.5"]);
     refuses(&seeds(&text.replace("dt_s\" = 1e-7", "dt_s\" = 1.0")), 11, &["time.dt_s"]);
     let alike = text.replace("disorder = [{ of = \"masses\", uniform = 0.1 }]\n", "");

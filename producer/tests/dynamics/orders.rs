@@ -115,7 +115,8 @@ fn rk5_has_its_order_with_damping() {
         let dashpot = |config: &mut RunConfig| {
             let omega = (2.0 * config.chain.stiffness.unwrap() / config.chain.bead_mass_kg.unwrap()).sqrt();
             config.integrator.method = Method::Rk5;
-            config.damping = Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg.unwrap()));
+            config.damping =
+                Some(DampingConfig::ViscousNSPerM(0.1 * omega * config.chain.bead_mass_kg.unwrap()));
         };
         let physics = physics(2, 1.0, 1.2 / steps as f64, steps, dashpot);
         let omega = (2.0 * physics.stiffness / physics.bead_mass_kg).sqrt();

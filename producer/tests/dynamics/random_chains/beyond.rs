@@ -22,15 +22,17 @@ pub(super) fn change(random: &mut Random, config: &mut RunConfig, kind: Kind, le
             // equally stiff at an overlap of L, or nearly so
             plain(config);
             let alphas = [config.chain.alpha.unwrap(), random.ratio(1.2, 4.0)];
-            let stiffness =
-                alphas.map(|alpha| random.ratio(0.2, 5.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha));
+            let stiffness = alphas.map(|alpha| {
+                random.ratio(0.2, 5.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha)
+            });
             config.chain.alphas = Some(Profile::Pattern(alphas.to_vec()));
             config.chain.stiffnesses = StiffnessRule::Pattern(stiffness.to_vec());
         }
         Kind::Second => {
             plain(config);
             let alpha = random.ratio(1.2, 4.0);
-            let stiffness = random.ratio(0.01, 10.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha);
+            let stiffness =
+                random.ratio(0.01, 10.0) * 1e7 * length_m.powf(config.chain.alpha.unwrap() - alpha);
             config.chain.second = Some(SecondPower { alpha, stiffness: Profile::Same(stiffness) });
         }
         Kind::Ring => {
@@ -137,7 +139,8 @@ fn bonds(random: &mut Random, config: &mut RunConfig, kind: Kind) {
         let bead = random.below(config.chain.beads);
         config.chain.impurities = vec![schemas::config::Impurity { bead, mass_kg: random.ratio(0.05, 5.0) }];
     }
-    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(1.0), Some(1.0));
+    (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) =
+        (Some(1.0), Some(1.0), Some(1.0));
     let speed_m_s = random.ratio(0.01, 2.0);
     config.striker = StrikerConfig { bead: config.striker.bead, velocity_m_s: speed_m_s }.into();
     let spring = |n: u8, stiffness: f64| (TermLaw::Spring(Spring(n)), stiffness);
@@ -183,7 +186,8 @@ fn driven(random: &mut Random, config: &mut RunConfig, kind: Kind, length_m: f64
     ends(random, config);
     let is_loaded = random.happens(0.5);
     if is_loaded {
-        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
+        config.load.precompression_n =
+            1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
     }
     let period_s = time_s * random.ratio(2.0, 50.0);
     let (at, prescribes, amplitude) = match kind {
@@ -224,7 +228,8 @@ fn jumping(random: &mut Random, config: &mut RunConfig, length_m: f64, time_s: f
     config.striker = StrikerConfig { bead: 0, velocity_m_s: 0.0 }.into();
     ends(random, config);
     if random.happens(0.5) {
-        config.load.precompression_n = 1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
+        config.load.precompression_n =
+            1e7 * (length_m * random.ratio(0.1, 3.0)).powf(config.chain.alpha.unwrap());
     }
     let mut time = 0.0;
     let mut later_s = || {

@@ -347,7 +347,8 @@ mod tests {
     fn chain(change: impl FnOnce(&mut RunConfig)) -> Chain {
         let mut config = Preset::find("homogeneous").expect("preset").config();
         config.chain.beads = 4;
-        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(2.0), Some(2.0));
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) =
+            (Some(1.0), Some(2.0), Some(2.0));
         config.striker.velocity_m_s = 1.0;
         config.time.duration_s = 10.0;
         change(&mut config);
@@ -463,7 +464,8 @@ mod tests {
     fn damping_depends_on_the_masses_that_meet() {
         let mut config = Preset::find("homogeneous").expect("preset").config();
         config.chain.beads = 2;
-        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) = (Some(1.0), Some(2.0), Some(2.0));
+        (config.chain.bead_mass_kg, config.chain.alpha, config.chain.stiffness) =
+            (Some(1.0), Some(2.0), Some(2.0));
         config.ends.right = End::Fixed;
         config.time.duration_s = 10.0;
         let physics = Physics::resolve(&config).expect("valid");
