@@ -383,7 +383,7 @@ class Analyses:
         """Heat: current along the chain, temperature of each bead, conductivity between baths, with errors.
 
         Columns in each frame: ``mean_current_w`` (current, averaged over the contacts that do not lie within a bath,
-        nor beyond two that drive it), ``kinetic_temperature_j`` (m·v², averaged over the beads).
+        nor beyond two that drive it), ``kinetic_temperature_j`` (temperature m·v², averaged over the beads).
 
         Args:
             lag_s: Longest lag of the conductivity from fluctuations (s); by default a twentieth of the time that is
