@@ -142,6 +142,7 @@ impl<T: ResultElement> ResultPublisher<T> {
         publish(&mut self, _: u64, _: u64, _: f64, _: &[T]) -> Result<(), ResultsError> = self.0;
         publish_for(&mut self, _: &Frame<'_>, _: &[T]) -> Result<(), ResultsError> = self.0;
         finish(self) -> Result<(), ResultsError> = self.0;
+        finish_short_of(self, _: Option<u64>) -> Result<(), ResultsError> = self.0;
         finish_and_wait(self, _: Duration) -> Result<(), ResultsError> = self.0;
     }
 }
