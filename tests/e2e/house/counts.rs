@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_380;
+const MOST_LINES: usize = 82_390;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
