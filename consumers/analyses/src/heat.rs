@@ -159,7 +159,7 @@ impl Heat {
         let on_the_way = if chain.is_ring { 0..beads } else { inner[0] + 1..inner[inner.len() - 1] + 1 };
         let (drives, sites) = (&manifest.physics.drives, &chain.sites);
         let acts = |values: &Vec<f64>| values.iter().any(|value| *value != 0.0);
-        let is_lossy = chain.damping.is_some() || acts(&sites.drag_n_s_per_m);
+        let is_lossy = !manifest.physics.is_without_loss();
         let is_held = !drives.is_empty()
             || baths.iter().any(|bath| !bath.pairs)
             || (!chain.is_ring && (0..2).any(|side| chain.wall(side).is_there))

@@ -1,6 +1,6 @@
 //! Sharing of energy by the linear modes: spectral entropy, effective number of modes, the time until equipartition.
 
-use crate::modes::{NO_FREQUENCY, about_rest};
+use crate::modes::{NO_FREQUENCY, about_rest, follows};
 use consumers::analysis::{
     Allowed, Analysis, Beginning, Meaning, Number, Offer, Outlet, Refusal, Report, Setting, TableFlag, Takes,
     frame_columns,
@@ -146,7 +146,7 @@ fn name_of(Range { start, end }: &Range<usize>) -> String {
 struct ModalAnalysis {
     manifest: RunManifest,
     chain: Chain,
-    linear: LinearChain,
+    follows: [Vec<f64>; 2],
     /// None where it is a trial.
     modal: Option<Modal>,
     /// Modes of frequency 0, which are the first.
@@ -204,7 +204,7 @@ impl ModalAnalysis {
             band_curves: vec![Series::default(); if beginning.is_drawn { bands.len() } else { 0 }],
             bands,
             modal,
-            linear,
+            follows: follows(&linear),
             chain,
             manifest,
         })
@@ -283,7 +283,7 @@ impl Analysis for ModalAnalysis {
 
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let Some(modal) = &mut self.modal else { return };
-        let [u_m, v_m_s] = about_rest(&self.chain, &self.linear, frame);
+        let [u_m, v_m_s] = about_rest(&self.chain, &self.follows, frame);
         modal.energies_j(&u_m, &v_m_s, &mut self.energies_j);
         self.frames += 1.0;
         self.sums_j.iter_mut().zip(&self.energies_j).for_each(|(sum_j, energy_j)| *sum_j += energy_j);

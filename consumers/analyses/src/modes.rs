@@ -94,15 +94,25 @@ fn modes_of(chain: &LinearChain) -> Result<Arc<Modes>, ModesError> {
     })
 }
 
+/// How far each bead at rest follows each wall, as a part of the wall's way.
+pub(crate) fn follows(linear: &LinearChain) -> [Vec<f64>; 2] {
+    [[1.0, 0.0], [0.0, 1.0]].map(|walls_m| linear.at_rest_m(walls_m))
+}
+
 /// Displacements (m) and velocities (m/s) of all beads, and of the resonators that are there after them: displacements are those from the places
-/// of rest between the walls, where these are.
-pub(crate) fn about_rest<'a>(chain: &Chain, linear: &LinearChain, frame: &Frame<'a>) -> [Cow<'a, [f64]>; 2] {
+/// of rest between the walls, which beads follow as [`follows`] tells.
+pub(crate) fn about_rest<'a>(
+    chain: &Chain,
+    [left, right]: &[Vec<f64>; 2],
+    frame: &Frame<'a>,
+) -> [Cow<'a, [f64]>; 2] {
     let walls_m = chain.walls_m(frame.extra);
     if !chain.sites.has_resonators() && walls_m == [0.0; 2] {
         return [Cow::Borrowed(frame.u_m), Cow::Borrowed(frame.v_m_s)];
     }
-    let rest_m = linear.at_rest_m(walls_m);
-    let about = |values: &[f64]| values.iter().zip(&rest_m).map(|(x, rest)| x - rest).collect::<Vec<_>>();
+    let rest_m = left.iter().zip(right).map(|(left, right)| walls_m[0] * left + walls_m[1] * right);
+    let about =
+        |values: &[f64]| values.iter().zip(rest_m.clone()).map(|(x, rest)| x - rest).collect::<Vec<_>>();
     let [w_m, w_m_s] = chain.rows.resonators_of(frame.extra);
     let there = |values: &[f64]| {
         values.iter().zip(&chain.sites.resonator_kg).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect()
@@ -123,7 +133,7 @@ enum Subject {
 struct ModeAnalysis {
     manifest: RunManifest,
     chain: Chain,
-    linear: LinearChain,
+    follows: [Vec<f64>; 2],
     subject: Subject,
     /// Empty where the chain repeats no unit.
     bands_hz: Vec<Band>,
@@ -177,7 +187,7 @@ impl ModeAnalysis {
             chosen,
             subject,
             chain: whole,
-            linear: chain,
+            follows: follows(&chain),
             manifest,
         })
     }
@@ -243,7 +253,7 @@ impl Analysis for ModeAnalysis {
     fn observe(&mut self, frame: &Frame<'_>, out: &mut dyn Outlet) {
         let Some(modes) = &self.modes else { return };
         self.row.clear();
-        let [u_m, v_m_s] = about_rest(&self.chain, &self.linear, frame);
+        let [u_m, v_m_s] = about_rest(&self.chain, &self.follows, frame);
         self.row.extend(self.chosen.iter().map(|mode| modes.energy_j(*mode, &u_m, &v_m_s)));
         self.largest_j.resize(self.row.len(), 0.0);
         for ((energy_j, largest_j), curve) in self.row.iter().zip(&mut self.largest_j).zip(&mut self.curves) {
@@ -287,7 +297,7 @@ impl Analysis for ModeAnalysis {
             Subject::Energies => ("energies of modes", self.energy_words(&modes), self.energy_json(&modes)),
         };
         let mut report = Report { title, words, results, ..Report::default() };
-        if self.chain.damping.is_some() || self.chain.sites.has_drag() {
+        if !self.manifest.physics.is_without_loss() {
             report.notices.push("frequencies and shapes are those without damping and drag".to_owned());
         }
         Some(report)

@@ -16,7 +16,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
     ("schemas/recorder", 450),
     ("producer", 9_050),
     ("consumers", 6_660),
-    ("consumers/analyses", 4_660),
+    ("consumers/analyses", 4_670),
     ("consumers/experiments", 1_765),
     ("consumers/exports", 945),
     ("consumers/figure", 3_045),
@@ -32,7 +32,7 @@ pub(super) const BUDGETS: [(&str, usize); 23] = [
 ];
 
 /// Lines of all of them but the bench. The aim is 54,000.
-const MOST_LINES: usize = 82_390;
+const MOST_LINES: usize = 82_395;
 
 /// Lines of a function, and of a file without its tests. The aim for files is 600.
 const LONGEST: (usize, usize) = (100, 615);
