@@ -94,7 +94,7 @@ fn modes_of(chain: &LinearChain) -> Result<Arc<Modes>, ModesError> {
     })
 }
 
-/// How far each bead at rest follows each wall, as a part of the wall's way.
+/// The part of each wall's way that each bead at rest goes along.
 pub(crate) fn follows(linear: &LinearChain) -> [Vec<f64>; 2] {
     [[1.0, 0.0], [0.0, 1.0]].map(|walls_m| linear.at_rest_m(walls_m))
 }
